@@ -1,0 +1,181 @@
+"""Runs the tasks of a schedule: each in a thread of its own, or all in one thread on a manual clock.
+
+A task is called at absolute deadlines. Ticks that came too late are counted and skipped, never made up in a
+burst. What happens when a task raises is written in its row of the schedule.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+from shared.runtime.clock import Clock, ManualClock, stopwatch_s
+
+_log = logging.getLogger(__name__)
+_JOIN_TIMEOUT_S = 3.0
+
+
+class OnFault(Enum):
+    """What a task that raises does to the mission."""
+
+    HALT = "halt"  # stop the robot, keep trying
+    DEGRADE = "degrade"  # go on without it, keep trying
+    RETRY = "retry"  # transient by nature: log and try again
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A row of the schedule table."""
+
+    name: str
+    rate_hz: float
+    max_age_s: float  # an output older than this is stale
+    budget_s: float  # the time one tick may take
+    on_fault: OnFault
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    row: Row
+    step: Callable[[], None]
+
+
+class TaskHealth:
+    """Counters of one task; written by its thread, read by any."""
+
+    def __init__(self, row: Row) -> None:
+        self.row = row
+        self.ticks = 0
+        self.skipped = 0
+        self.over_budget = 0
+        self.longest_s = 0.0
+        self.last_good_s = float("-inf")
+        self.fault: str | None = None
+
+    def finished(self, now_s: float, took_s: float) -> None:
+        self.ticks += 1
+        self.last_good_s = now_s
+        self.longest_s = max(self.longest_s, took_s)
+        self.over_budget += took_s > self.row.budget_s
+        if self.fault is not None:
+            _log.warning("%s works again", self.row.name)
+            self.fault = None
+
+    def failed(self, error: Exception) -> None:
+        if self.fault is None:  # a fault is logged when it begins and when it ends
+            _log.error("%s failed: %s", self.row.name, error, exc_info=error)
+        self.fault = f"{self.row.name}: {error}"
+
+
+FaultHandler = Callable[[Row, Exception], None]
+
+
+class _Guarded:
+    """A task whose exceptions end at its own tick."""
+
+    def __init__(self, task: Task, clock: Clock, on_fault: FaultHandler) -> None:
+        self.task = task
+        self.health = TaskHealth(task.row)
+        self._clock = clock
+        self._on_fault = on_fault
+
+    def tick(self) -> None:
+        began_s = stopwatch_s()
+        try:
+            self.task.step()
+        except Exception as error:  # noqa: BLE001 - the runner is where a task's fault ends
+            self.health.failed(error)
+            self._on_fault(self.task.row, error)
+        else:
+            self.health.finished(self._clock.now_s(), stopwatch_s() - began_s)
+
+
+class ThreadRunner:
+    """One thread per task, in real time."""
+
+    def __init__(self, tasks: Sequence[Task], clock: Clock, on_fault: FaultHandler) -> None:
+        self._clock = clock
+        self._stop = threading.Event()
+        self._guarded = [_Guarded(task, clock, on_fault) for task in tasks]
+        self._threads = [
+            threading.Thread(target=self._run, args=(g,), name=g.task.row.name, daemon=True)
+            for g in self._guarded
+        ]
+
+    @property
+    def health(self) -> tuple[TaskHealth, ...]:
+        return tuple(g.health for g in self._guarded)
+
+    def start(self) -> None:
+        for thread in self._threads:
+            thread.start()
+
+    def stop(self) -> list[str]:
+        """End all tasks; returns the names of those that did not end in time."""
+        self._stop.set()
+        for thread in self._threads:
+            if thread.ident is not None and thread is not threading.current_thread():
+                thread.join(_JOIN_TIMEOUT_S)
+        return [thread.name for thread in self._threads if thread.is_alive()]
+
+    def _run(self, guarded: _Guarded) -> None:
+        period_s = 1.0 / guarded.task.row.rate_hz
+        due_s = self._clock.now_s()
+        while not self._stop.is_set():
+            guarded.tick()
+            due_s += period_s
+            late_s = self._clock.now_s() - due_s
+            if late_s > period_s:
+                missed = int(late_s / period_s)
+                guarded.health.skipped += missed
+                due_s += missed * period_s
+            if self._clock.wait(self._stop, due_s):
+                return
+
+
+class LockstepRunner:
+    """All tasks in the caller's thread on a manual clock: deterministic and as fast as the machine.
+
+    `advance(time_s)` moves the world to a time before the tasks due then are called, in the table's order.
+    """
+
+    def __init__(
+        self,
+        tasks: Sequence[Task],
+        clock: ManualClock,
+        advance: Callable[[float], None],
+        on_fault: FaultHandler,
+    ) -> None:
+        self._clock = clock
+        self._advance = advance
+        self._guarded = [_Guarded(task, clock, on_fault) for task in tasks]
+        self._ticks_done = [0] * len(tasks)
+        self._start_s = clock.now_s()
+
+    @property
+    def health(self) -> tuple[TaskHealth, ...]:
+        return tuple(g.health for g in self._guarded)
+
+    def run_until(self, time_s: float) -> None:
+        """Call everything due up to and including `time_s`."""
+        while True:
+            due_s = min(self._due_s(i) for i in range(len(self._guarded)))
+            if due_s > time_s:
+                break
+            self._move_to(due_s)
+            for i, guarded in enumerate(self._guarded):
+                if self._due_s(i) <= due_s:
+                    self._ticks_done[i] += 1
+                    guarded.tick()
+        self._move_to(time_s)
+
+    def _due_s(self, index: int) -> float:
+        return self._start_s + self._ticks_done[index] / self._guarded[index].task.row.rate_hz
+
+    def _move_to(self, time_s: float) -> None:
+        if time_s > self._clock.now_s():
+            self._advance(time_s)
+            self._clock.advance_to(max(time_s, self._clock.now_s()))

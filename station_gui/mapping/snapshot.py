@@ -1,0 +1,66 @@
+"""What the mapping hands to everybody else: immutable, complete, made at one moment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.geometry.se2 import Pose2
+
+OCCUPIED_PROBABILITY = 0.750  # paper 1, section 3.3, step 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GridMap:
+    """An occupancy grid: `probability` (rows, columns) float32, 0 free to 1 occupied, 0.5 where nothing is known.
+
+    Row 0 is the lowest y. `origin_m` is the map position of the lower left corner of cell (0, 0).
+    """
+
+    probability: NDArray[np.float32]
+    origin_m: tuple[float, float]
+    cell_m: float
+
+    def occupied_m(self) -> NDArray[np.float64]:
+        """(N, 2): the centres of all occupied cells, map frame (the 2D map reference of paper 1, step 3)."""
+        rows, columns = np.nonzero(self.probability > OCCUPIED_PROBABILITY)
+        centres = np.column_stack((columns, rows)) + 0.5
+        return centres * self.cell_m + np.array(self.origin_m)
+
+
+class ObjectKind(IntEnum):
+    LARGE = 0  # walls and large objects: red in the paper
+    SMALL = 1  # blue
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ObjectMap:
+    """The 3D objects, placed: `segments_m` (S, 2, 3) float32, map frame, `kind` (S,) uint8, `cluster` (S,) int32."""
+
+    segments_m: NDArray[np.float32]
+    kind: NDArray[np.uint8]
+    cluster: NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MapSnapshot:
+    """The state of the map after one observation.
+
+    `trajectory`: (K, 4) float64, stamp_s, x_m, y_m, theta_rad of every keyframe, map frame, after optimisation.
+    `closures`: (L, 2) int32, indices into `trajectory`.
+    """
+
+    revision: int  # grows with every change of the map
+    stamp_s: float  # of the newest observation in it
+    map_from_robot: Pose2
+    map_from_odom: Pose2
+    grid: GridMap
+    objects: ObjectMap
+    trajectory: NDArray[np.float64]
+    closures: NDArray[np.int32]
+    observations: int
+    slam_s: float  # how long the newest observation took
+    combine_s: float

@@ -1,0 +1,85 @@
+"""What the operator sees and may do, with no Qt in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.messages import Hello, Observation, Telemetry
+from station_gui.mapping.snapshot import MapSnapshot
+
+
+class LinkState(IntEnum):
+    DISCONNECTED = 0
+    CONNECTING = 1
+    CONNECTED = 2
+    LOST = 3  # was connected; the session tries again by itself
+
+
+class Severity(IntEnum):
+    INFO = 0
+    WARNING = 1
+    ERROR = 2
+
+
+@dataclass(frozen=True, slots=True)
+class LogEntry:
+    time_s: float  # station clock
+    severity: Severity
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class LinkFigures:
+    """How the link does, over the last seconds."""
+
+    observations_hz: float
+    refresh_hz: float  # map updates per second that reached the operator
+    bytes_per_observation: float
+    received_bps: float
+    round_trip_s: float  # of the last acknowledged command; NaN before the first
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OperatorView:
+    """Everything a window may draw, at one moment. Made anew on each call: cheap, immutable, any thread."""
+
+    time_s: float
+    link_state: LinkState
+    address: str  # host:port, empty before the first connection
+    link: LinkFigures
+    robot: Hello | None
+    telemetry: Telemetry | None  # None until the first has come
+    telemetry_age_s: float  # infinite until the first has come
+    observation: Observation | None  # the newest
+    snapshot: MapSnapshot | None
+    goal_m: tuple[float, float] | None  # map frame
+    path_m: NDArray[np.float64] | None  # (N, 2), map frame
+    recording: str  # path of the recording, empty when there is none
+    log_length: int  # how many log entries there have been
+
+
+class Operator(Protocol):
+    """What a window may ask of the station. Nothing here blocks or raises; the outcome shows in the view and log."""
+
+    def view(self) -> OperatorView: ...
+    def log_since(self, index: int) -> list[LogEntry]:
+        """The entries from the index-th on; old ones may be gone."""
+        ...
+
+    def connect(self, host: str, port: int) -> None: ...
+    def disconnect(self) -> None: ...
+    def start(self) -> None: ...
+    def stop(self) -> None: ...
+    def emergency_stop(self) -> None: ...
+    def go_to(self, x_m: float, y_m: float) -> None:
+        """Plan to this point of the map and send the robot there; a refusal is logged with its reason."""
+        ...
+
+    def drive(self, speed_mps: float, steering_rad: float) -> None:
+        """Drive by hand; holds for half a second."""
+        ...
