@@ -168,17 +168,18 @@ class EmergencyStop:
 class GoTo:
     """Follow a path to its last point and stand still there.
 
-    `path_m`: (N, 2) float32, odom frame, from near the robot to the goal. The station sends it again with the
-    same `goal_id` when the map moved under it.
+    `path`: (N, 3) float32, x_m, y_m, theta_rad of the robot along the way, odom frame, from near the robot to the
+    goal, a point at least every 10 cm. Where the heading points against the way to the next point, the robot goes
+    there in reverse. The station sends a path again with the same `goal_id` when the map moved under it.
     """
 
     goal_id: int
-    path_m: NDArray[np.float32]
+    path: NDArray[np.float32]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "path_m", _frozen(self.path_m, np.dtype(np.float32)))
-        if self.path_m.ndim != 2 or self.path_m.shape[1] != 2:
-            raise ValueError(f"path_m must be (N, 2), not {self.path_m.shape}")
+        object.__setattr__(self, "path", _frozen(self.path, np.dtype(np.float32)))
+        if self.path.ndim != 2 or self.path.shape[1] != 3:
+            raise ValueError(f"path must be (N, 3), not {self.path.shape}")
 
 
 @dataclass(frozen=True, slots=True)

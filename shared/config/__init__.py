@@ -83,9 +83,7 @@ def _convert_list(value: Any, items: tuple[Any, ...], name: str) -> tuple[Any, .
         return tuple(_convert(v, items[0], f"{name}[{i}]") for i, v in enumerate(value))
     if len(value) != len(items):
         raise ConfigError(f"{name} must have {len(items)} values, not {len(value)}")
-    return tuple(
-        _convert(v, hint, f"{name}[{i}]") for i, (v, hint) in enumerate(zip(value, items, strict=True))
-    )
+    return tuple(_convert(v, hint, f"{name}[{i}]") for i, (v, hint) in enumerate(zip(value, items, strict=True)))
 
 
 def _convert_scalar(value: Any, hint: Any, name: str) -> Any:
@@ -104,9 +102,7 @@ def _convert_scalar(value: Any, hint: Any, name: str) -> Any:
 
 
 def _type_name(hint: Any) -> str:
-    return {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}.get(
-        hint, str(hint)
-    )
+    return {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}.get(hint, str(hint))
 
 
 def _shown(value: Any) -> str:

@@ -48,7 +48,8 @@ class Pose2:
         c, s = math.cos(self.theta_rad), math.sin(self.theta_rad)
         rotation = np.array([[c, s], [-s, c]])
         rotated: NDArray[np.float64] = np.asarray(points_m, dtype=np.float64) @ rotation
-        return rotated + np.array([self.x_m, self.y_m])
+        rotated += (self.x_m, self.y_m)
+        return rotated
 
     def apply_3d(self, points_m: NDArray[np.floating]) -> NDArray[np.float64]:
         """`points_m`: (N, 3); the height stays as it is (paper 1, eqs 34 and 35 with tz = 0)."""

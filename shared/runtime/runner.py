@@ -101,8 +101,7 @@ class ThreadRunner:
         self._stop = threading.Event()
         self._guarded = [_Guarded(task, clock, on_fault) for task in tasks]
         self._threads = [
-            threading.Thread(target=self._run, args=(g,), name=g.task.row.name, daemon=True)
-            for g in self._guarded
+            threading.Thread(target=self._run, args=(g,), name=g.task.row.name, daemon=True) for g in self._guarded
         ]
 
     @property

@@ -33,7 +33,7 @@ def to_points(observation: Observation) -> PointScan:
     ranges = ranges[valid]
     in_scanner = np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles)))
     in_robot = geometry.robot_from_scanner.apply(in_scanner)
-    late_s = geometry.beam_interval_s * np.flatnonzero(valid)
+    late_s = geometry.beam_interval_s * np.flatnonzero(valid).astype(np.float64)
     return PointScan(
         observation.stamp_s,
         observation.odom_from_robot,

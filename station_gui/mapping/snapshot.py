@@ -27,8 +27,9 @@ class GridMap:
     def occupied_m(self) -> NDArray[np.float64]:
         """(N, 2): the centres of all occupied cells, map frame (the 2D map reference of paper 1, step 3)."""
         rows, columns = np.nonzero(self.probability > OCCUPIED_PROBABILITY)
-        centres = np.column_stack((columns, rows)) + 0.5
-        return centres * self.cell_m + np.array(self.origin_m)
+        return np.column_stack(
+            (self.origin_m[0] + (columns + 0.5) * self.cell_m, self.origin_m[1] + (rows + 0.5) * self.cell_m)
+        )
 
 
 class ObjectKind(IntEnum):
