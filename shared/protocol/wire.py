@@ -1,0 +1,104 @@
+"""The table of everything that crosses the air: the single source of the protocol.
+
+A change here that an older peer would misread must change `VERSION`.
+"""
+
+from __future__ import annotations
+
+from shared import messages as m
+from shared.geometry.se2 import Pose2
+from shared.protocol.fields import (
+    Choice,
+    DeltaSeries,
+    Flag,
+    FloatTable,
+    IndexPairs,
+    LevelTable,
+    Number,
+    Pair,
+    Record,
+    Repeat,
+    Text,
+)
+
+VERSION = 1
+
+_U16 = Number("H")
+_U32 = Number("I")
+_F32 = Number("f")
+_F64 = Number("d")
+_MILLI = Number("h", 0.001, allow_nan=True)  # ±32.767, "none" is a NaN
+_CENTI = Number("h", 0.01, allow_nan=True)
+
+_POSE = Record(Pose2, (("x_m", _F32), ("y_m", _F32), ("theta_rad", _F32)))
+
+_GEOMETRY = Record(
+    m.ScanGeometry,
+    (
+        ("first_angle_rad", _F32),
+        ("step_rad", _F32),
+        ("beam_interval_s", _F32),
+        ("range_min_m", _F32),
+        ("range_max_m", _F32),
+        ("robot_from_scanner", _POSE),
+    ),
+)
+
+_OBJECTS = Record(m.ObjectNetwork, (("nodes_m", LevelTable(3, 0.001)), ("edges", IndexPairs())))
+
+REPORTS: dict[int, Record] = {
+    1: Record(
+        m.Observation,
+        (
+            ("sequence", _U32),
+            ("stamp_s", _F64),
+            ("odom_from_robot", _POSE),
+            ("speed_mps", _MILLI),
+            ("yaw_rate_radps", _MILLI),
+            ("geometry", _GEOMETRY),
+            ("ranges_m", DeltaSeries(0.001)),
+            ("objects", _OBJECTS),
+            ("has_objects", Flag()),
+        ),
+    ),
+    2: Record(
+        m.Telemetry,
+        (
+            ("stamp_s", _F64),
+            ("state", Choice(m.MissionState)),
+            ("stop_reason", Choice(m.StopReason)),
+            ("odom_from_robot", _POSE),
+            ("speed_mps", _MILLI),
+            ("yaw_rate_radps", _MILLI),
+            ("steering_rad", _MILLI),
+            ("battery_v", _MILLI),
+            ("motor_current_a", _MILLI),
+            ("cpu_temperature_c", _CENTI),
+            ("distance_m", _F32),
+            ("late_ticks", _U32),
+            ("faults", Repeat(Text())),
+        ),
+    ),
+    3: Record(
+        m.Hello,
+        (
+            ("robot_name", Text()),
+            ("software_version", Text()),
+            ("footprint_m", Repeat(Pair(_F32))),
+            ("min_turning_radius_m", _F32),
+        ),
+    ),
+    4: Record(m.Ack, (("command", _U32), ("accepted", Flag()), ("reason", Text()))),
+}
+
+COMMANDS: dict[int, Record] = {
+    64: Record(m.Start, ()),
+    65: Record(m.Stop, ()),
+    66: Record(m.EmergencyStop, ()),
+    67: Record(m.GoTo, (("goal_id", _U32), ("path", FloatTable(3)))),
+    68: Record(m.Drive, (("speed_mps", _MILLI), ("steering_rad", _MILLI))),
+    69: Record(m.Heartbeat, ()),
+}
+
+COMMAND_NUMBER = _U32
+TYPE_OF: dict[type, int] = {record.kind: type_id for type_id, record in (REPORTS | COMMANDS).items()}
