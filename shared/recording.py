@@ -67,7 +67,7 @@ class Recorder:
         if self._file is None:
             return
         try:
-            self._writer.finish()
+            self._writer.finish()  # type: ignore[no-untyped-call]
         except OSError as error:
             self.error = f"{self.path}: recording has no index: {error.strerror or error}"
         self._let_go()

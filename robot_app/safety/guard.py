@@ -1,0 +1,60 @@
+"""Decides whether the car may move at all, and says why not."""
+
+from __future__ import annotations
+
+import threading
+
+from robot_app.safety.bands import BandWatch, SafetyConfig
+from shared.messages import StopReason
+
+
+class Guard:
+    """Collects what speaks against moving. The first reason of the table below that stands is the one reported."""
+
+    def __init__(self, config: SafetyConfig, now_s: float) -> None:
+        self._config = config
+        self._heat = BandWatch(config.over_temperature_c)
+        self._battery = BandWatch(config.low_battery_v)
+        self._heard_s = now_s
+        self._faults: dict[str, str] = {}
+        self._lock = threading.Lock()
+
+    def heard(self, now_s: float) -> None:
+        """A command or a heartbeat came from the station."""
+        self._heard_s = now_s
+
+    def silence_s(self, now_s: float) -> float:
+        return now_s - self._heard_s
+
+    def take_temperature(self, cpu_c: float) -> None:
+        self._heat.update(cpu_c)
+
+    def take_battery(self, battery_v: float) -> None:
+        self._battery.update(battery_v)
+
+    def fault_began(self, task: str, text: str) -> None:
+        """A task without which the car must not move has failed."""
+        with self._lock:
+            self._faults[task] = text
+
+    def fault_ended(self, task: str) -> None:
+        with self._lock:
+            self._faults.pop(task, None)
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        with self._lock:
+            return tuple(self._faults.values())
+
+    def reason_to_stand(self, now_s: float, scan_age_s: float, odometry_age_s: float) -> StopReason:
+        """`StopReason.NONE` when nothing speaks against moving."""
+        config = self._config
+        reasons = (
+            (StopReason.DEVICE_FAULT, bool(self.faults)),
+            (StopReason.SENSOR_STALE, scan_age_s > config.scan_max_age_s),
+            (StopReason.SENSOR_STALE, odometry_age_s > config.odometry_max_age_s),
+            (StopReason.OVER_TEMPERATURE, self._heat.inside),
+            (StopReason.LOW_BATTERY, self._battery.inside),
+            (StopReason.COMMAND_SILENCE, self.silence_s(now_s) > config.command_silence_s),
+        )
+        return next((reason for reason, stands in reasons if stands), StopReason.NONE)

@@ -1,0 +1,90 @@
+"""The robot's side of the conversation: answers commands, reports what it sees.
+
+Observations are pulled when the link has room: the newest is sent, older ones are never queued behind a slow radio.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import OrderedDict
+from collections.abc import Callable
+
+from shared.link.base import Link, LinkError
+from shared.messages import Ack, Command, EmergencyStop, Heartbeat, Hello, NumberedCommand, Observation, Telemetry
+from shared.protocol.codec import Decoder, encode
+
+_log = logging.getLogger(__name__)
+_REMEMBERED = 64  # commands whose answer is known, for repeats
+_COMMANDS_PER_TICK = 32
+_HELLO_EVERY_S = 2.0
+
+Handler = Callable[[Command], tuple[bool, str]]
+
+
+class Uplink:
+    """Joins the app to a link; the link may come and go."""
+
+    def __init__(self, link: Link, hello: Hello) -> None:
+        self._link = link
+        self._hello = hello
+        self._decoder = Decoder()
+        self._answers: OrderedDict[int, Ack] = OrderedDict()
+        self._hello_s = float("-inf")
+        self._was_connected = False
+        self.observations_sent = 0
+        self.observations_skipped = 0
+
+    def receive(self, handle: Handler, heard: Callable[[], None]) -> None:
+        """Take all commands that have come; a repeated one is answered again and not carried out again."""
+        for _ in range(_COMMANDS_PER_TICK):
+            datagram = self._receive()
+            if datagram is None:
+                return
+            message = self._decoder.decode(datagram)
+            if isinstance(message, NumberedCommand):
+                heard()
+                self._answer(message, handle)
+
+    def greet(self, now_s: float) -> None:
+        """Say hello at once on a new connection and every two seconds after."""
+        connected = self._link.connected
+        if connected and (not self._was_connected or now_s - self._hello_s >= _HELLO_EVERY_S):
+            self._hello_s = now_s
+            self._send(self._hello)
+        if connected != self._was_connected:
+            _log.info("station %s", "connected" if connected else "gone")
+        self._was_connected = connected
+
+    def report(self, telemetry: Telemetry) -> None:
+        self._send(telemetry)
+
+    def observe(self, observation: Observation) -> bool:
+        """Send an observation; False when the link had no room or no peer."""
+        sent = self._send(observation)
+        self.observations_sent += sent
+        self.observations_skipped += not sent
+        return sent
+
+    def _answer(self, message: NumberedCommand, handle: Handler) -> None:
+        if isinstance(message.command, Heartbeat):
+            return
+        known = self._answers.get(message.number)
+        if known is None or isinstance(message.command, EmergencyStop):
+            accepted, reason = handle(message.command)
+            known = Ack(message.number, accepted, reason)
+            self._answers[message.number] = known
+            if len(self._answers) > _REMEMBERED:
+                self._answers.popitem(last=False)
+        self._send(known)
+
+    def _receive(self) -> bytes | None:
+        try:
+            return self._link.receive(0.0)
+        except LinkError:
+            return None
+
+    def _send(self, message: Ack | Hello | Observation | Telemetry) -> bool:
+        try:
+            return self._link.connected and self._link.send(encode(message))
+        except LinkError:
+            return False
