@@ -1,0 +1,182 @@
+"""Fuzzy wall follower: once round the room with the wall at one side (paper 1, section 2.2)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_app.control.fuzzy import RuleTable, Variable
+from robot_app.control.motion import Motion
+from robot_app.control.wall_trace import WallTraceConfig, WallTracer
+from shared.geometry.se2 import Pose2, wrap_angle
+
+
+class WallState(IntEnum):
+    SEARCH = 0  # no wall in sight: straight on until there is one
+    FOLLOW = 1
+    LEAVE = 2  # what was gone round stands free in the room: cross over to another wall
+    DONE = 3  # once round the room
+
+
+@dataclass(frozen=True, slots=True)
+class WallFollowerConfig:
+    side: int = -1  # where the wall is kept: -1 right, +1 left
+    trace: WallTraceConfig = field(default_factory=WallTraceConfig)
+    middle_m: float = 0.13  # the point of the car that is to be on the way, ahead of its origin
+    look_ahead_m: float = 0.40  # from there to the point of the way it heads for
+    slow_mps: float = 0.08  # paper 1, section 4: slow is below 0.1, medium 0.2, fast above 0.4
+    medium_mps: float = 0.20
+    fast_mps: float = 0.32  # below the paper's "fast": the room is small
+    max_steering_rad: float = 0.5
+    lap_distance_m: float = 4.0  # no lap is shorter
+    lap_gate_m: float = 0.5  # the lap ends this near to where it began
+
+
+@dataclass(frozen=True, slots=True)
+class WallStep:
+    """`carrot_m`: where the robot is heading, robot frame, None while no wall is in sight."""
+
+    motion: Motion
+    state: WallState
+    carrot_m: tuple[float, float] | None
+    lateral_error_m: float  # of the car's middle from the way, positive left of it
+    angle_rad: float  # of the way ahead, seen from the robot
+
+
+ANGLE = Variable.partition("angle of the way ahead", right=-1.1, bit_right=-0.4, ahead=0.0, bit_left=0.4, left=1.1)
+ERROR = Variable.partition("offset from the way", right=-0.25, bit_right=-0.08, on_it=0.0, bit_left=0.08, left=0.25)
+STEER = Variable.partition("steering", RR=-1.0, R=-0.55, r=-0.25, o=0.0, l=0.25, L=0.55, LL=1.0)
+STEERING_RULES = RuleTable(
+    ANGLE,
+    ERROR,
+    STEER,
+    # offset:   right  bit_right on_it bit_left left
+    """
+    right       R      RR        RR    RR       RR
+    bit_right   o      r         R     R        RR
+    ahead       L      l         o     r        R
+    bit_left    LL     L         L     l        o
+    left        LL     LL        LL    LL       L
+    """,
+)
+CLEARANCE = Variable.partition("clearance ahead", none=0.08, little=0.25, some=0.55, much=0.9)
+TURN = Variable.partition("turn", straight=0.1, bend=0.5, sharp=1.0)
+SPEED = Variable.partition("speed", stop=0.0, slow=1.0, medium=2.0, fast=3.0)
+SPEED_RULES = RuleTable(
+    CLEARANCE,
+    TURN,
+    SPEED,
+    # turn:  straight bend   sharp
+    """
+    none     slow     slow   slow
+    little   slow     slow   slow
+    some     medium   medium medium
+    much     fast     medium medium
+    """,
+)
+
+
+class WallFollower:
+    """Turns the obstacles near the robot into a wish: steering and speed along the wall."""
+
+    def __init__(self, config: WallFollowerConfig) -> None:
+        self._config = config
+        self._tracer = WallTracer(config.trace, config.side)
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin a new lap wherever the robot is."""
+        self._state = WallState.SEARCH
+        self._lap_start: Pose2 | None = None
+        self._last: Pose2 | None = None
+        self._distance_m = 0.0
+        self._turned_rad = 0.0
+        self._leave_heading_rad = 0.0
+        self._left_from: Pose2 | None = None
+
+    def step(self, points_m: NDArray[np.float64], odom_from_robot: Pose2, clearance_ahead_m: float) -> WallStep:
+        """`points_m`: (N, 2) obstacles, odom frame; `clearance_ahead_m`: how far the car can go as it steers now."""
+        self._travel(odom_from_robot)
+        if self._state is WallState.LEAVE and not self._has_crossed(odom_from_robot, clearance_ahead_m):
+            return self._cross(odom_from_robot, clearance_ahead_m)
+        trace = self._tracer.trace(points_m, odom_from_robot)
+        if trace is None:
+            return self._go_straight(clearance_ahead_m)
+        step = self._follow(odom_from_robot.inverse().apply(trace.way_m), clearance_ahead_m)
+        self._judge_lap(odom_from_robot, step)
+        return step
+
+    def _travel(self, pose: Pose2) -> None:
+        if self._last is not None:
+            self._distance_m += pose.distance_m(self._last)
+            self._turned_rad += wrap_angle(pose.theta_rad - self._last.theta_rad)
+        self._last = pose
+
+    def _go_straight(self, clearance_ahead_m: float) -> WallStep:
+        if self._state is WallState.FOLLOW:
+            self._state = WallState.SEARCH
+        speed = min(self._speed_mps(clearance_ahead_m, 0.0), self._config.medium_mps)
+        return WallStep(Motion(speed, 0.0), self._state, None, 0.0, 0.0)
+
+    def _follow(self, way_m: NDArray[np.float64], clearance_ahead_m: float) -> WallStep:
+        """`way_m`: (N, 2), robot frame."""
+        if self._state in {WallState.SEARCH, WallState.LEAVE}:
+            self._state = WallState.FOLLOW
+        ahead, error = self._carrot(way_m)
+        angle = math.atan2(ahead[1], ahead[0] - self._config.middle_m)
+        share = STEERING_RULES(angle, error)
+        speed = self._speed_mps(clearance_ahead_m, abs(share))
+        motion = Motion(speed, share * self._config.max_steering_rad)
+        return WallStep(motion, self._state, (float(ahead[0]), float(ahead[1])), error, angle)
+
+    def _carrot(self, way_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+        """The point of the way to head for, and how far left of the way the car's middle is."""
+        middle = np.array([self._config.middle_m, 0.0])
+        gaps = np.hypot(*(way_m - middle).T)
+        nearest = int(np.argmin(gaps[: max(2, len(way_m) // 2)]))
+        beyond = np.flatnonzero(gaps[nearest:] >= self._config.look_ahead_m)
+        ahead = way_m[nearest + int(beyond[0])] if len(beyond) else way_m[-1]
+        a, b = way_m[max(nearest - 1, 0)], way_m[min(nearest + 1, len(way_m) - 1)]
+        along = (b - a) / max(float(np.hypot(*(b - a))), 1e-6)
+        offset = middle - way_m[nearest]
+        return ahead, float(along[0] * offset[1] - along[1] * offset[0])
+
+    def _speed_mps(self, clearance_ahead_m: float, turn: float) -> float:
+        config = self._config
+        level = SPEED_RULES(clearance_ahead_m, turn)
+        return float(np.interp(level, (0, 1, 2, 3), (0.0, config.slow_mps, config.medium_mps, config.fast_mps)))
+
+    def _judge_lap(self, pose: Pose2, step: WallStep) -> None:
+        """A lap of the room turns the robot once towards the open side; a lap of an island the other way."""
+        if self._lap_start is None:
+            if abs(step.lateral_error_m) < 0.12 and abs(step.angle_rad) < 0.5:
+                self._lap_start, self._distance_m, self._turned_rad = pose, 0.0, 0.0
+            return
+        if self._distance_m < self._config.lap_distance_m or pose.distance_m(self._lap_start) > self._config.lap_gate_m:
+            return
+        laps = -self._config.side * self._turned_rad / math.tau
+        if laps > 0.7:
+            self._state = WallState.DONE
+        elif laps < -0.7:
+            self._begin_crossing(pose)
+
+    def _begin_crossing(self, pose: Pose2) -> None:
+        self._state = WallState.LEAVE
+        self._lap_start = None
+        self._left_from = pose
+        self._leave_heading_rad = pose.theta_rad - self._config.side * math.pi / 2
+
+    def _has_crossed(self, pose: Pose2, clearance_ahead_m: float) -> bool:
+        assert self._left_from is not None
+        return pose.distance_m(self._left_from) > 0.6 and clearance_ahead_m < 0.6
+
+    def _cross(self, pose: Pose2, clearance_ahead_m: float) -> WallStep:
+        off = wrap_angle(self._leave_heading_rad - pose.theta_rad)
+        steering = max(-1.0, min(1.0, 1.5 * off)) * self._config.max_steering_rad
+        speed = self._speed_mps(clearance_ahead_m, abs(steering) / self._config.max_steering_rad)
+        carrot = (self._config.middle_m + 0.5 * math.cos(off), 0.5 * math.sin(off))
+        return WallStep(Motion(speed, steering), self._state, carrot, 0.0, off)
