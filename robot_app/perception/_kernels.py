@@ -1,0 +1,346 @@
+"""Kernels of the object extraction: plain arrays and scalars in the camera's optical frame.
+
+Shared arguments
+depth: (H, W) uint16, image. z: (R, C) float32, m, every stride-th pixel of it, 0 where none.
+slope_x: (W,), slope_y: (H,) float32: x/z and y/z of a pixel. lens: (4,) float64: fx, fy, cx, cy.
+up: (4,) float64: a point's height over the floor is up[:3] . point + up[3].
+edge_m: (E, 3) float32, edge points. edge_at: (R, C) int32, which edge point lies in a cell, -1 for none.
+node_m: (N, 3) float32. linked: (N, N) uint8, symmetric, 1 where two nodes are connected.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+U8 = NDArray[np.uint8]
+U16 = NDArray[np.uint16]
+
+MISSING = -1.0  # no neighbour is known: the image ends there, or an unexplained hole
+OPEN = 1e6  # nothing is there up to the end of the range, m
+
+
+@njit(nogil=True, cache=True)
+def decimate(depth: U16, unit_m: float, stride: int, near_m: float, far_m: float, z: F32) -> int:
+    """Fill `z` with every stride-th pixel in range; returns how many there are."""
+    count = 0
+    start = stride // 2
+    for i in range(z.shape[0]):
+        for j in range(z.shape[1]):
+            value_m = depth[start + i * stride, start + j * stride] * unit_m
+            if near_m <= value_m <= far_m:
+                z[i, j] = value_m
+                count += 1
+            else:
+                z[i, j] = 0.0
+    return count
+
+
+@njit(nogil=True, cache=True)
+def find_open(z: F32, min_cells: int, open_rows: I32) -> None:
+    """`open_rows`: (C,) how many cells from the top of a column look into open space.
+
+    A column without any return says nothing: something too near for the camera may fill it.
+    """
+    for j in range(z.shape[1]):
+        run = 0
+        while run < z.shape[0] and z[run, j] == 0.0:
+            run += 1
+        open_rows[j] = run if min_cells <= run < z.shape[0] else 0
+
+
+@njit(nogil=True, cache=True)
+def edge_measure(inner_m: float, outer_m: float, alpha: float) -> float:
+    """P_edge of one axis (eqs 8 and 9): positive where one neighbour is 1 + alpha times as far as the other."""
+    difference = abs(inner_m - outer_m)
+    return max(difference - inner_m * alpha, difference - outer_m * alpha)
+
+
+@njit(nogil=True, cache=True)
+def _between(z: F32, sx: F32, sy: F32, stride: int, i: int, j: int, k: int, m: int) -> float:
+    """Distance of the points of cells (i, j) and (k, m), m (eqs 10 and 11)."""
+    half = stride // 2
+    za, zb = z[i, j], z[k, m]
+    dx = sx[half + j * stride] * za - sx[half + m * stride] * zb
+    dy = sy[half + i * stride] * za - sy[half + k * stride] * zb
+    return math.sqrt(dx * dx + dy * dy + (za - zb) ** 2)
+
+
+@njit(nogil=True, cache=True)
+def _outer_distance(
+    z: F32, sx: F32, sy: F32, stride: int, open_rows: I32, max_hole: int, i: int, j: int, di: int, dj: int, inner: float
+) -> tuple[float, float]:
+    """Distance to the neighbour in a direction, and how much deeper that neighbour is.
+
+    Looks past one cell, which may be a flying pixel, and across holes; each cell that is passed takes one inner
+    step off, so that a surface that goes on behind measures the same as without the gap.
+    """
+    rows, columns = z.shape
+    best, deeper = MISSING, 0.0
+    for step in range(1, max_hole + 2):
+        k, m = i + di * step, j + dj * step
+        if k < 0 or m < 0 or k >= rows or m >= columns:
+            return best, deeper
+        if z[k, m] > 0.0:
+            distance = _between(z, sx, sy, stride, i, j, k, m) - (step - 1) * inner
+            if distance > best:
+                best, deeper = distance, z[k, m] - z[i, j]
+            if step >= 2:
+                return best, deeper
+        elif k < open_rows[m]:
+            return OPEN, OPEN
+    return best, deeper
+
+
+@njit(nogil=True, cache=True)
+def _last_of_surface(
+    depth: U16, unit_m: float, i: int, j: int, di: int, dj: int, steps: int, q: float, slope: float, tolerance: float
+) -> int:
+    """How many pixels the surface goes on from pixel (i, j); a plane's inverse depth is linear in the image."""
+    for step in range(1, steps + 1):
+        k, m = i + di * step, j + dj * step
+        if k < 0 or m < 0 or k >= depth.shape[0] or m >= depth.shape[1]:
+            return step - 1
+        value_m = depth[k, m] * unit_m
+        if value_m <= 0.0 or abs(value_m * (q + slope * step) - 1.0) * value_m > tolerance:
+            return step - 1
+    return steps
+
+
+@njit(nogil=True, cache=True)
+def _put(edge_m: F32, edge_at: I32, count: int, i: int, j: int, x: float, y: float, z: float) -> int:
+    """Keep an edge point in cell (i, j), the nearest one of several; returns the new count."""
+    index = edge_at[i, j]
+    if index < 0:
+        index = count
+        edge_at[i, j] = index
+        count += 1
+    elif edge_m[index, 2] <= z:
+        return count
+    edge_m[index, 0], edge_m[index, 1], edge_m[index, 2] = x, y, z
+    return count
+
+
+@njit(nogil=True, cache=True)
+def find_occluding(
+    depth: U16,
+    unit_m: float,
+    z: F32,
+    slope_x: F32,
+    slope_y: F32,
+    stride: int,
+    cell_width: float,
+    open_rows: I32,
+    floor: U8,
+    near_m: float,
+    alpha: float,
+    max_step_widths: float,
+    max_hole: int,
+    edge_m: F32,
+    edge_at: I32,
+    count: int,
+) -> int:
+    """Edges of near surfaces against what lies behind them (step 1); appends to `edge_m`, returns the new count.
+
+    `cell_width`: the width of a cell at 1 m. `near_m`: nearer surfaces end at the sensor's limit, not in open space.
+    """
+    rows, columns = z.shape
+    half = stride // 2
+    for i in range(rows):
+        for j in range(columns):
+            z0 = z[i, j]
+            if z0 == 0.0 or floor[i, j] == 1:
+                continue
+            width = cell_width * z0
+            for axis in range(4):
+                di = (axis == 2) * 1 - (axis == 3) * 1
+                dj = (axis == 0) * 1 - (axis == 1) * 1
+                k1, m1, k2, m2 = i + di, j + dj, i + 2 * di, j + 2 * dj
+                if k2 < 0 or m2 < 0 or k2 >= rows or m2 >= columns:
+                    k2, m2 = k1, m1
+                    if k1 < 0 or m1 < 0 or k1 >= rows or m1 >= columns:
+                        continue
+                limit = z0 + 0.8 * alpha * width
+                if z[k1, m1] > 0.0 and z[k1, m1] < limit and z[k2, m2] > 0.0 and z[k2, m2] < limit:
+                    continue
+                kb, mb = i - di, j - dj
+                if kb < 0 or mb < 0 or kb >= rows or mb >= columns or z[kb, mb] == 0.0:
+                    continue
+                inner = _between(z, slope_x, slope_y, stride, i, j, kb, mb)
+                if inner > max_step_widths * width:
+                    continue
+                outer, deeper = _outer_distance(z, slope_x, slope_y, stride, open_rows, max_hole, i, j, di, dj, inner)
+                if outer == MISSING or deeper < 0.8 * alpha * width or edge_measure(inner, outer, alpha) <= 0.0:
+                    continue
+                if outer == OPEN and z0 < near_m:
+                    continue
+                q = 1.0 / z0
+                slope = (q - 1.0 / z[kb, mb]) / stride
+                row, column = half + i * stride, half + j * stride
+                steps = _last_of_surface(
+                    depth, unit_m, row, column, di, dj, 3 * stride, q, slope, max(0.5 * inner, 1.5 * width)
+                )
+                row, column = row + di * steps, column + dj * steps
+                ze = depth[row, column] * unit_m
+                ci, cj = min(row // stride, rows - 1), min(column // stride, columns - 1)
+                count = _put(edge_m, edge_at, count, ci, cj, slope_x[column] * ze, slope_y[row] * ze, ze)
+    return count
+
+
+@njit(nogil=True, cache=True)
+def mark_floor(
+    z: F32, slope_x: F32, slope_y: F32, stride: int, up: F64, height_m: float, per_m: float, floor: U8
+) -> None:
+    """`floor`: (R, C) uint8, 1 where a point is lower than `height_m` plus `per_m` for each metre of depth."""
+    half = stride // 2
+    for i in range(z.shape[0]):
+        across = up[1] * slope_y[half + i * stride] + up[2] - per_m
+        for j in range(z.shape[1]):
+            height = (up[0] * slope_x[half + j * stride] + across) * z[i, j] + up[3]
+            floor[i, j] = 1 if z[i, j] > 0.0 and height < height_m else 0
+
+
+@njit(nogil=True, cache=True)
+def find_contact(
+    z: F32,
+    slope_x: F32,
+    slope_y: F32,
+    stride: int,
+    cell_width: float,
+    up: F64,
+    height_m: float,
+    per_m: float,
+    floor: U8,
+    max_hole: int,
+    edge_m: F32,
+    edge_at: I32,
+    count: int,
+) -> int:
+    """Lines where objects stand on the floor: the lowest point that is no floor, taken down to it.
+
+    P_edge finds these lines too, as a low camera sees the floor at a grazing angle, but on either side by chance.
+    """
+    half = stride // 2
+    rows = z.shape[0]
+    for i in range(rows - 1):
+        for j in range(z.shape[1]):
+            z0 = z[i, j]
+            if z0 == 0.0 or floor[i, j] == 1:
+                continue
+            below = 1
+            while i + below < rows - 1 and below <= max_hole and z[i + below, j] == 0.0:
+                below += 1
+            zb = z[i + below, j]
+            if zb == 0.0 or floor[i + below, j] == 0 or zb > z0 + 2.0 * cell_width * z0:
+                continue
+            x, y = slope_x[half + j * stride] * z0, slope_y[half + i * stride] * z0
+            height = up[0] * x + up[1] * y + up[2] * z0 + up[3]
+            if height > height_m + per_m * z0 + (below + 1.0) * cell_width * z0:
+                continue
+            x, y, z0 = x - height * up[0], y - height * up[1], z0 - height * up[2]
+            count = _put(edge_m, edge_at, count, i, j, x, y, z0)
+    return count
+
+
+@njit(nogil=True, cache=True)
+def corner_scores(edge_m: F32, edge_at: I32, count: int, cell_width: float, score: F32) -> None:
+    """`score`: (E,) 0 in the middle of a straight edge, about 0.5 and more at its corners and ends.
+
+    It is how far the centre of the neighbouring edge points lies off, as a share of their mean distance.
+    """
+    rows, columns = edge_at.shape
+    reach = 4
+    for i in range(rows):
+        for j in range(columns):
+            index = edge_at[i, j]
+            if index < 0:
+                continue
+            x, y, z = edge_m[index, 0], edge_m[index, 1], edge_m[index, 2]
+            limit = (2.5 * reach * cell_width * z) ** 2
+            sx, sy, sz, total, n = 0.0, 0.0, 0.0, 0.0, 0
+            for k in range(max(i - reach, 0), min(i + reach + 1, rows)):
+                for m in range(max(j - reach, 0), min(j + reach + 1, columns)):
+                    other = edge_at[k, m]
+                    if other < 0 or other == index:
+                        continue
+                    dx, dy, dz = edge_m[other, 0] - x, edge_m[other, 1] - y, edge_m[other, 2] - z
+                    square = dx * dx + dy * dy + dz * dz
+                    if square < limit:
+                        sx, sy, sz, total, n = sx + dx, sy + dy, sz + dz, total + math.sqrt(square), n + 1
+            score[index] = math.sqrt(sx * sx + sy * sy + sz * sz) / total if n >= 3 and total > 0.0 else 0.0
+
+
+@njit(nogil=True, cache=True)
+def choose_samples(
+    edge_m: F32, edge_at: I32, rank: F32, score: F32, share_per_m: float, limit: int, sample_m: F32, sample_score: F32
+) -> int:
+    """The sample nodes A: edge points, thinned to equal spacing along the edges; returns how many.
+
+    `rank`: (R, C) a fixed number in [0, 1) for each cell: which points go does not depend on other points' noise.
+    `share_per_m`: the share of points to keep at 1 m depth.
+    """
+    kept = 0.0
+    for i in range(edge_at.shape[0]):
+        for j in range(edge_at.shape[1]):
+            if edge_at[i, j] >= 0:
+                kept += min(1.0, share_per_m * edge_m[edge_at[i, j], 2])
+    squeeze = min(1.0, 0.95 * limit / max(kept, 1.0))
+    count = 0
+    for i in range(edge_at.shape[0]):
+        for j in range(edge_at.shape[1]):
+            index = edge_at[i, j]
+            if index < 0 or count >= limit or rank[i, j] >= squeeze * min(1.0, share_per_m * edge_m[index, 2]):
+                continue
+            sample_m[count] = edge_m[index]
+            sample_score[count] = score[index]
+            count += 1
+    return count
+
+
+@njit(nogil=True, cache=True)
+def near_edge(x: float, y: float, z: float, lens: F64, stride: int, reach_m: float, edge_m: F32, edge_at: I32) -> bool:
+    """Whether an edge point lies within `reach_m` of a point on each axis; looks in the cells around its image."""
+    rows, columns = edge_at.shape
+    if z < 0.05:
+        return False
+    ci = int(math.floor((y / z * lens[1] + lens[3]) / stride))
+    cj = int(math.floor((x / z * lens[0] + lens[2]) / stride))
+    ri = min(int(reach_m * lens[1] / (z * stride)) + 1, 16)
+    rj = min(int(reach_m * lens[0] / (z * stride)) + 1, 16)
+    for ring in range(max(ri, rj) + 1):
+        for k in range(max(ci - min(ring, ri), 0), min(ci + min(ring, ri) + 1, rows)):
+            whole = ring <= ri and abs(k - ci) == ring
+            step = 1 if whole or ring == 0 else 2 * ring
+            for m in range(cj - ring, cj + ring + 1, step):
+                if m < 0 or m >= columns or abs(m - cj) > rj:
+                    continue
+                index = edge_at[k, m]
+                if (
+                    index >= 0
+                    and abs(edge_m[index, 0] - x) <= reach_m
+                    and abs(edge_m[index, 1] - y) <= reach_m
+                    and abs(edge_m[index, 2] - z) <= reach_m
+                ):
+                    return True
+    return False
+
+
+@njit(nogil=True, cache=True)
+def is_supported(
+    node_m: F32, a: int, b: int, lens: F64, stride: int, reach_m: float, step_m: float, edge_m: F32, edge_at: I32
+) -> bool:
+    """Whether edge points lie all along a connection (eqs 31-33, which look at its middle alone)."""
+    dx, dy, dz = node_m[b, 0] - node_m[a, 0], node_m[b, 1] - node_m[a, 1], node_m[b, 2] - node_m[a, 2]
+    parts = max(2, int(math.ceil(math.sqrt(dx * dx + dy * dy + dz * dz) / step_m)))
+    for part in range(1, parts):
+        t = part / parts
+        x, y, z = node_m[a, 0] + t * dx, node_m[a, 1] + t * dy, node_m[a, 2] + t * dz
+        if not near_edge(x, y, z, lens, stride, reach_m, edge_m, edge_at):
+            return False
+    return True

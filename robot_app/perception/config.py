@@ -1,0 +1,88 @@
+"""Parameters of the 3D object extraction; names and defaults follow table 3 of paper 1 where it has them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+def _require(holds: bool, what: str) -> None:
+    if not holds:
+        raise ValueError(what)
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeConfig:
+    """Which points are edges (step 1, eqs 7-11)."""
+
+    # Every 4th pixel: 8,600 to 14,100 points of a 640 x 480 image, as in table 4; edges are then found to the pixel.
+    stride_px: int = 4
+    range_min_m: float = 0.5  # the L515's range
+    range_max_m: float = 9.0
+    alpha: float = 3.9  # α
+    # A step along the near surface of more pixel widths than this is a flying pixel or a surface seen edge-on.
+    max_step_widths: float = 8.0
+    max_hole_cells: int = 12  # how far to look for the other side of a hole: the shadow beside a near object
+    # So many cells without return from the top of the image down are open space and not a cut of the sensor's.
+    min_open_cells: int = 4
+    crease_angle_rad: float = 0.70  # two flat surfaces that meet at a sharper angle make an edge
+    crease_arm_m: float = 0.08  # how much of each surface is looked at
+    crease_noise: float = 0.0025  # of the depth at 1 m, in metres; grows with its square
+    floor_height_m: float = 0.02  # what is lower than this belongs to the floor,
+    floor_slope: float = 0.012  # and this much more for each metre of distance: the car's pitch under its springs
+    sample_spacing_m: float = 0.02  # of the sample nodes along an edge
+    max_samples: int = 1500  # bounds the time of learning
+
+    def __post_init__(self) -> None:
+        _require(1 <= self.stride_px <= 32, "stride_px must be 1 to 32")
+        _require(0 < self.range_min_m < self.range_max_m, "range_min_m must be positive and below range_max_m")
+        _require(self.max_samples >= 2, "max_samples must be at least 2")
+        _require(self.max_hole_cells >= 1, "max_hole_cells must be at least 1")
+
+
+@dataclass(frozen=True, slots=True)
+class LearningConfig:
+    """Simplified FastGNG (steps 2-7, eqs 12-23)."""
+
+    beta: float = 1.55  # β
+    min_length_m: tuple[float, float, float] = (0.225, 0.150, 0.100)  # γ, by phase
+    max_length_m: tuple[float, float, float] = (0.300, 0.225, 0.175)  # δ, by phase
+    samples_per_node: tuple[float, float, float] = (10.0, 8.0, 6.0)  # σ, by phase
+    corner_gain: float = 1.0  # by how much a corner or an end of an edge is preferred to its middle
+    max_nodes: int = 200  # bounds time and memory; the paper's networks have 145 to 158 before refinement
+
+    def __post_init__(self) -> None:
+        _require(2 <= self.max_nodes <= 2000, "max_nodes must be 2 to 2000")
+        _require(
+            all(0 < low <= high for low, high in zip(self.min_length_m, self.max_length_m, strict=True)),
+            "min_length_m must be positive and not above max_length_m",
+        )
+        _require(min(self.samples_per_node) > 0, "samples_per_node must be positive")
+
+
+@dataclass(frozen=True, slots=True)
+class RefineConfig:
+    """Post-processing (sections 3.2.1-3.2.5, eqs 24-33)."""
+
+    ground_reach_m: float = 0.080  # g_x = g_z, horizontal
+    ground_rise_m: float = 0.035  # g_y, vertical
+    ground_band_m: float = 0.150  # only nodes lower than this can be ground: a table top is no floor
+    straight_angle_rad: float = 2.7925  # 160°
+    straight_offset_m: float = 0.025  # and a node is only removed when it lies so near the connection that replaces it
+    eta_angle_per_deg: float = 0.01  # η1
+    eta_distance_per_m: float = -0.95  # η2
+    loop_reach_m: float = 0.35  # how far an open end looks for its partner
+    node_reach_m: float = 0.2  # n_x = n_y = n_z
+    node_support_m: float = 0.10  # the length of edge that has to lie within node_reach_m
+    connection_reach_m: float = 0.06  # q_x = q_y = q_z
+    connection_step_m: float = 0.04  # of the points that are looked at along a connection
+
+    def __post_init__(self) -> None:
+        _require(self.connection_step_m > 0, "connection_step_m must be positive")
+        _require(self.connection_reach_m > 0, "connection_reach_m must be positive")
+
+
+@dataclass(frozen=True, slots=True)
+class PerceptionConfig:
+    edges: EdgeConfig = field(default_factory=EdgeConfig)
+    learning: LearningConfig = field(default_factory=LearningConfig)
+    refine: RefineConfig = field(default_factory=RefineConfig)

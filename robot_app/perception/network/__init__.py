@@ -1,0 +1,1 @@
+"""Kernels that grow and refine a network of nodes and connections."""

@@ -1,0 +1,130 @@
+"""From a depth image to the points on the edges of things (paper 1, eqs 4-11)."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_app.drivers.base import DepthImage
+from robot_app.perception import _kernels as kernels
+from robot_app.perception.config import EdgeConfig
+from shared.geometry.camera import Intrinsics
+
+
+class Mount(Protocol):
+    """Where the camera sits; `CameraMount` is one."""
+
+    def robot_from_optical(self) -> NDArray[np.float64]:
+        """(4, 4): optical frame to robot frame."""
+        ...
+
+
+class EdgeCloud:
+    """The edge points of the newest image, optical frame, in buffers that are used again for the next.
+
+    `points`: how many points of the decimated image are in range. `edge_m`: (E, 3) float32 of which the first
+    `edges` count; `edge_at`: (R, C) int32, the edge point in each cell of `stride` pixels, -1 for none.
+    `sample_m`, `sample_score`: the sample nodes A of step 1 and how much each is a corner, of which the first `samples` count.
+    `up`: (4,), a point's height over the floor is `up[:3] @ point + up[3]`. `lens`: fx, fy, cx, cy.
+    """
+
+    def __init__(self, config: EdgeConfig, intrinsics: Intrinsics, mount: Mount, rng: np.random.Generator) -> None:
+        self._config = config
+        self._shape = (intrinsics.height, intrinsics.width)
+        self.stride = config.stride_px
+        rows, columns = intrinsics.height // self.stride, intrinsics.width // self.stride
+        if rows < 4 or columns < 4:
+            raise ValueError(f"a {intrinsics.width} x {intrinsics.height} image is too small for stride {self.stride}")
+        self.slope_x, self.slope_y = intrinsics.ray_slopes()
+        self.lens = np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy])
+        self.up = np.ascontiguousarray(mount.robot_from_optical()[2])
+        self.cell_width = self.stride / min(intrinsics.fx, intrinsics.fy)
+        self.z = np.zeros((rows, columns), np.float32)
+        self.edge_at = np.full((rows, columns), -1, np.int32)
+        self.edge_m = np.zeros((rows * columns, 3), np.float32)
+        self.sample_m = np.zeros((config.max_samples, 3), np.float32)
+        self.sample_score = np.zeros(config.max_samples, np.float32)
+        self._score = np.zeros(rows * columns, np.float32)
+        self._floor = np.zeros((rows, columns), np.uint8)
+        self._open_rows = np.zeros(columns, np.int32)
+        self._rank = rng.random((rows, columns), np.float32)
+        self.points = self.edges = self.samples = 0
+
+    def update(self, image: DepthImage) -> None:
+        """Take the edges and samples from `image`."""
+        if image.depth.shape != self._shape:
+            raise ValueError(f"the depth image is {image.depth.shape}, the intrinsics say {self._shape}")
+        self._decimate(image)
+        self._find_edges(image)
+        self._choose_samples()
+
+    def _decimate(self, image: DepthImage) -> None:
+        config = self._config
+        self.points = kernels.decimate(
+            image.depth, image.unit_m, self.stride, config.range_min_m, config.range_max_m, self.z
+        )
+        kernels.find_open(self.z, config.min_open_cells, self._open_rows)
+        kernels.mark_floor(
+            self.z,
+            self.slope_x,
+            self.slope_y,
+            self.stride,
+            self.up,
+            config.floor_height_m,
+            config.floor_slope,
+            self._floor,
+        )
+
+    def _find_edges(self, image: DepthImage) -> None:
+        config = self._config
+        self.edge_at.fill(-1)
+        near_m = 1.2 * config.range_min_m
+        self.edges = kernels.find_occluding(
+            image.depth,
+            image.unit_m,
+            self.z,
+            self.slope_x,
+            self.slope_y,
+            self.stride,
+            self.cell_width,
+            self._open_rows,
+            self._floor,
+            near_m,
+            config.alpha,
+            config.max_step_widths,
+            config.max_hole_cells,
+            self.edge_m,
+            self.edge_at,
+            0,
+        )
+        self.edges = kernels.find_contact(
+            self.z,
+            self.slope_x,
+            self.slope_y,
+            self.stride,
+            self.cell_width,
+            self.up,
+            config.floor_height_m,
+            config.floor_slope,
+            self._floor,
+            config.max_hole_cells,
+            self.edge_m,
+            self.edge_at,
+            self.edges,
+        )
+
+    def _choose_samples(self) -> None:
+        config = self._config
+        kernels.corner_scores(self.edge_m, self.edge_at, self.edges, self.cell_width, self._score)
+        self.samples = kernels.choose_samples(
+            self.edge_m,
+            self.edge_at,
+            self._rank,
+            self._score,
+            self.cell_width / config.sample_spacing_m,
+            config.max_samples,
+            self.sample_m,
+            self.sample_score,
+        )
