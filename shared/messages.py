@@ -127,6 +127,7 @@ class Telemetry:
     cpu_temperature_c: float
     distance_m: float  # driven since the app started
     late_ticks: int  # ticks that the scheduler skipped since the app started
+    following_goal: int = 0  # the `goal_id` of the path being followed; 0 when none is
     faults: tuple[str, ...] = ()  # one short text per fault that stands
 
 

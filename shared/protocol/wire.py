@@ -23,7 +23,6 @@ from shared.protocol.fields import (
 
 VERSION = 1
 
-_U16 = Number("H")
 _U32 = Number("I")
 _F32 = Number("f")
 _F64 = Number("d")
@@ -76,6 +75,7 @@ REPORTS: dict[int, Record] = {
             ("cpu_temperature_c", _CENTI),
             ("distance_m", _F32),
             ("late_ticks", _U32),
+            ("following_goal", _U32),
             ("faults", Repeat(Text())),
         ),
     ),

@@ -1,0 +1,245 @@
+"""The station's side of the conversation: keeps a link up, sends commands until they are answered, passes reports on.
+
+Nothing here is a thread: `step()` is called by one, at 50 Hz or so; everything else may be called from any.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from shared.link.base import Link, LinkError
+from shared.messages import Ack, Command, EmergencyStop, Heartbeat, NumberedCommand, Report
+from shared.protocol.codec import Decoder, encode
+from shared.protocol.wire import VERSION
+from shared.runtime.clock import Clock
+from station_gui.model.view import LinkState, Severity
+
+
+@dataclass(frozen=True, slots=True)
+class SessionConfig:
+    connect_timeout_s: float = 3.0
+    heartbeat_s: float = 0.2  # the robot stands after a second without one
+    retry_s: float = 0.4
+    tries: int = 5
+    silence_s: float = 2.0  # without a word for so long the link counts as lost
+    reconnect_first_s: float = 0.5  # and doubles with each failure …
+    reconnect_last_s: float = 4.0  # … up to this
+
+    def __post_init__(self) -> None:
+        if self.tries < 1 or min(self.heartbeat_s, self.retry_s, self.silence_s, self.reconnect_first_s) <= 0:
+            raise ValueError("tries, heartbeat_s, retry_s, silence_s and reconnect_first_s must be positive")
+
+
+class Listener(Protocol):
+    """Who hears what comes in; called in the thread of `step()`."""
+
+    def on_datagram(self, datagram: bytes) -> None: ...
+    def on_report(self, report: Report) -> None: ...
+    def on_event(self, severity: Severity, text: str) -> None: ...
+
+
+@dataclass(slots=True)
+class _Pending:
+    number: int
+    command: Command
+    sent_s: float = -math.inf
+    tries: int = 0
+
+
+Connect = Callable[[], Link]
+_MAX_PENDING = 32
+_DATAGRAMS_PER_STEP = 256
+
+
+class Session:
+    """One robot, one link at a time."""
+
+    def __init__(self, config: SessionConfig, clock: Clock, listener: Listener, first_number: int) -> None:
+        self._config = config
+        self._clock = clock
+        self._listener = listener
+        self._numbers = itertools.count(first_number)
+        self._lock = threading.Lock()
+        self._outbox: deque[Command] = deque(maxlen=_MAX_PENDING)
+        self._connect: Connect | None = None
+        self._link: Link | None = None
+        self._generation = 0  # grows with every connect() and disconnect()
+        self._link_generation = 0
+        self._state = LinkState.DISCONNECTED
+        self._pending: list[_Pending] = []
+        self._decoder = Decoder()
+        self._heard_s = 0.0
+        self._heartbeat_s = -math.inf
+        self._next_try_s = -math.inf
+        self._back_off_s = config.reconnect_first_s
+        self._told_version = False
+        self.round_trip_s = math.nan
+
+    @property
+    def state(self) -> LinkState:
+        return self._state
+
+    @property
+    def decode_counts(self) -> str:
+        counts = self._decoder.counts
+        return f"{counts.good} good, {counts.damaged} damaged, {counts.malformed} malformed"
+
+    def connect(self, connect: Connect) -> None:
+        """Use `connect` to make the link, now and whenever it is lost."""
+        with self._lock:
+            self._connect = connect
+            self._generation += 1
+            self._next_try_s = -math.inf
+            self._back_off_s = self._config.reconnect_first_s
+            self._state = LinkState.CONNECTING
+
+    def disconnect(self) -> None:
+        with self._lock:
+            self._connect = None
+            self._generation += 1
+            self._outbox.clear()
+            self._state = LinkState.DISCONNECTED
+
+    def send(self, command: Command) -> bool:
+        """Queue a command; False when there is no connection. An emergency stop jumps the queue."""
+        with self._lock:
+            if self._state is not LinkState.CONNECTED:
+                return False
+            if isinstance(command, EmergencyStop):
+                self._outbox.clear()
+                self._outbox.appendleft(command)
+            else:
+                self._outbox.append(command)
+            return True
+
+    def step(self) -> None:
+        """Do what is due: connect, receive, answer the clock."""
+        self._drop_old_link()
+        if self._link is None:
+            self._try_to_connect()
+        link = self._link
+        if link is None:
+            return
+        try:
+            self._receive(link)
+            self._send_due(link)
+            self._check_silence()
+        except LinkError as error:
+            self._lost(str(error))
+
+    def close(self) -> None:
+        """Let go of the link; the session may be used again."""
+        self.disconnect()
+        self._drop_old_link()
+
+    def _drop_old_link(self) -> None:
+        if self._link is not None and self._link_generation != self._generation:
+            self._link.close()
+            self._link = None
+            self._pending.clear()
+
+    def _try_to_connect(self) -> None:
+        now_s = self._clock.now_s()
+        with self._lock:
+            connect, generation = self._connect, self._generation
+        if connect is None or now_s < self._next_try_s:
+            return
+        try:
+            link = connect()
+        except LinkError as error:
+            self._next_try_s = self._clock.now_s() + self._back_off_s
+            self._back_off_s = min(2 * self._back_off_s, self._config.reconnect_last_s)
+            if generation == self._generation:
+                self._listener.on_event(Severity.ERROR, f"{error}; trying again")
+            return
+        self._adopt(link, generation)
+
+    def _adopt(self, link: Link, generation: int) -> None:
+        with self._lock:
+            if generation != self._generation:  # the operator changed his mind meanwhile
+                link.close()
+                return
+            self._link, self._link_generation = link, generation
+            self._state = LinkState.CONNECTED
+        self._heard_s = self._clock.now_s()
+        self._heartbeat_s = -math.inf
+        self._told_version = False
+        self._listener.on_event(Severity.INFO, "connected")
+
+    def _receive(self, link: Link) -> None:
+        for _ in range(_DATAGRAMS_PER_STEP):
+            datagram = link.receive(0.0)
+            if datagram is None:
+                return
+            self._heard_s = self._clock.now_s()
+            self._back_off_s = self._config.reconnect_first_s
+            self._listener.on_datagram(datagram)
+            message = self._decoder.decode(datagram)
+            if isinstance(message, Ack):
+                self._acknowledged(message)
+            elif message is not None and not isinstance(message, NumberedCommand):
+                self._listener.on_report(message)
+            elif self._decoder.counts.other_version and not self._told_version:
+                self._told_version = True
+                self._listener.on_event(
+                    Severity.ERROR,
+                    f"the robot speaks protocol version {self._decoder.counts.other_version_seen}, "
+                    f"this station {VERSION}: update the older one",
+                )
+
+    def _acknowledged(self, ack: Ack) -> None:
+        pending = next((p for p in self._pending if p.number == ack.command), None)
+        if pending is None:
+            return
+        self._pending.remove(pending)
+        self.round_trip_s = self._clock.now_s() - pending.sent_s
+        name = type(pending.command).__name__
+        if not ack.accepted:
+            self._listener.on_event(Severity.WARNING, f"the robot refused {name}: {ack.reason}")
+
+    def _send_due(self, link: Link) -> None:
+        now_s = self._clock.now_s()
+        with self._lock:
+            while self._outbox and len(self._pending) < _MAX_PENDING:
+                self._pending.append(_Pending(next(self._numbers) & 0xFFFF_FFFF, self._outbox.popleft()))
+        if now_s - self._heartbeat_s >= self._config.heartbeat_s:
+            self._heartbeat_s = now_s
+            link.send(encode(NumberedCommand(next(self._numbers) & 0xFFFF_FFFF, Heartbeat())))
+        for pending in [p for p in self._pending if now_s - p.sent_s >= self._config.retry_s]:
+            self._send_or_give_up(link, pending, now_s)
+
+    def _send_or_give_up(self, link: Link, pending: _Pending, now_s: float) -> None:
+        if pending.tries >= self._config.tries:
+            self._pending.remove(pending)
+            name = type(pending.command).__name__
+            self._listener.on_event(Severity.ERROR, f"{name} was not answered after {pending.tries} tries")
+        elif link.send(encode(NumberedCommand(pending.number, pending.command))):
+            pending.sent_s = now_s
+            pending.tries += 1
+
+    def _check_silence(self) -> None:
+        silent_s = self._clock.now_s() - self._heard_s
+        if silent_s > self._config.silence_s:
+            raise LinkError(f"no word from the robot for {silent_s:.1f} s")
+
+    def _lost(self, reason: str) -> None:
+        link, self._link = self._link, None
+        if link is not None:
+            link.close()
+        unanswered = [type(p.command).__name__ for p in self._pending]
+        self._pending.clear()
+        with self._lock:
+            if self._connect is None:
+                return
+            self._state = LinkState.LOST
+            self._outbox.clear()
+            self._next_try_s = self._clock.now_s() + self._back_off_s
+            self._back_off_s = min(2 * self._back_off_s, self._config.reconnect_last_s)
+        tail = f"; not answered: {', '.join(unanswered)}" if unanswered else ""
+        self._listener.on_event(Severity.ERROR, f"link lost: {reason}{tail}; the robot stops by itself; reconnecting")

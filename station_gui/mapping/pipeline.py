@@ -1,0 +1,76 @@
+"""From observations to the map: a function of their sequence, live, recorded or simulated."""
+
+from __future__ import annotations
+
+import math
+
+from shared.geometry.se2 import Pose2
+from shared.messages import Observation
+from shared.runtime.clock import stopwatch_s
+from station_gui.mapping.objects.combine import CombineConfig, ObjectCombiner
+from station_gui.mapping.scan import to_points
+from station_gui.mapping.slam2d.base import MappingError, Slam
+from station_gui.mapping.snapshot import MapSnapshot
+
+_FARTHEST_M = 10_000.0  # no robot of ours drives so far: whoever says so is not one
+
+
+class MappingPipeline:
+    """Observation → SLAM → grid and 3D objects → snapshot. One thread."""
+
+    def __init__(self, slam: Slam, combine: CombineConfig) -> None:
+        self._slam = slam
+        self._combiner = ObjectCombiner(combine)
+        self._observations = 0
+        self._stamp_s = -math.inf
+        self._map_from_robot = Pose2()
+        self._odom_from_robot = Pose2()
+        self._slam_s = 0.0
+
+    @property
+    def observations(self) -> int:
+        return self._observations
+
+    @property
+    def map_from_robot(self) -> Pose2:
+        """At the newest observation, as it was believed then."""
+        return self._map_from_robot
+
+    def add(self, observation: Observation) -> None:
+        """Take the next observation. Raises `MappingError` for one that cannot be of this mission."""
+        pose = observation.odom_from_robot
+        if max(abs(pose.x_m), abs(pose.y_m)) > _FARTHEST_M:
+            raise MappingError(f"observation {observation.sequence} claims to be {pose.x_m:.0f}, {pose.y_m:.0f} m away")
+        began_s = stopwatch_s()
+        self._map_from_robot = self._slam.add(to_points(observation))
+        self._slam_s = stopwatch_s() - began_s
+        if observation.has_objects:
+            self._combiner.add(self._observations, self._map_from_robot, observation.objects)
+        self._observations += 1
+        self._stamp_s = observation.stamp_s
+        self._odom_from_robot = pose
+
+    def finish(self) -> None:
+        """No more observations come."""
+        self._slam.finish()
+        if self._observations:
+            self._map_from_robot = self._slam.pose_of_scan(self._observations - 1)
+
+    def snapshot(self) -> MapSnapshot:
+        """The map as it is believed now."""
+        began_s = stopwatch_s()
+        objects = self._combiner.object_map(self._slam)
+        combine_s = stopwatch_s() - began_s
+        return MapSnapshot(
+            revision=self._observations,
+            stamp_s=self._stamp_s,
+            map_from_robot=self._map_from_robot,
+            map_from_odom=self._map_from_robot @ self._odom_from_robot.inverse(),
+            grid=self._slam.grid(),
+            objects=objects,
+            trajectory=self._slam.trajectory(),
+            closures=self._slam.closures(),
+            observations=self._observations,
+            slam_s=self._slam_s,
+            combine_s=combine_s,
+        )

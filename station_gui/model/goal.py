@@ -1,0 +1,159 @@
+"""Brings the robot to a point of the map: plans, sends the path, follows it up as the map moves under it."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.geometry.se2 import Pose2
+from shared.messages import Command, GoTo, MissionState, Telemetry
+from station_gui.mapping.snapshot import MapSnapshot
+from station_gui.model.journal import Journal
+from station_gui.model.view import Severity
+from station_gui.planning.planner import Plan, Planner, PlanRefused
+
+_ARRIVED_M = 0.08
+_RESEND_M = 0.02  # the path is sent again when the map has moved its end so far in the odom frame
+_STANDS_S = 1.5  # after so long without following, the robot has ended the path
+_REPLAN_EVERY_S = 1.5
+_TRIES = 4
+
+
+class GoalKeeper:
+    """One goal at a time. `step` is called by one thread, the rest by any."""
+
+    def __init__(self, planner: Planner, send: Callable[[Command], bool], journal: Journal) -> None:
+        self._planner = planner
+        self._send = send
+        self._journal = journal
+        self._lock = threading.Lock()
+        self._asked: tuple[float, float] | None = None
+        self._goal: tuple[float, float] | None = None
+        self._plan: Plan | None = None
+        self._goal_id = 0
+        self._sent_end: NDArray[np.float64] | None = None
+        self._tries = 0
+        self._planned_s = -math.inf
+        self._followed_s = -math.inf
+
+    @property
+    def goal_m(self) -> tuple[float, float] | None:
+        return self._goal
+
+    @property
+    def path_m(self) -> NDArray[np.float64] | None:
+        """(N, 2), map frame."""
+        plan = self._plan
+        return None if plan is None else plan.path[:, :2]
+
+    def ask(self, x_m: float, y_m: float) -> None:
+        with self._lock:
+            self._asked = (x_m, y_m)
+
+    def forget(self) -> None:
+        with self._lock:
+            self._asked = None
+            self._goal = None
+            self._plan = None
+
+    def step(self, snapshot: MapSnapshot | None, telemetry: Telemetry | None) -> None:
+        """Do what is due for the goal."""
+        with self._lock:
+            asked, self._asked = self._asked, None
+        if asked is not None:
+            self._begin(asked, snapshot, telemetry)
+        elif self._goal is not None and snapshot is not None and telemetry is not None:
+            self._follow_up(snapshot, telemetry)
+
+    def _begin(self, goal: tuple[float, float], snapshot: MapSnapshot | None, telemetry: Telemetry | None) -> None:
+        if snapshot is None or telemetry is None:
+            self._journal.add(Severity.WARNING, "go to: there is no map yet")
+            return
+        if telemetry.state is not MissionState.COMMAND:
+            self._journal.add(Severity.WARNING, "go to is possible once the observation has finished")
+            return
+        self._goal, self._plan, self._tries = goal, None, 0
+        self._goal_id += 1
+        self._plan_and_send(snapshot, telemetry)
+
+    def _follow_up(self, snapshot: MapSnapshot, telemetry: Telemetry) -> None:
+        if telemetry.state is not MissionState.COMMAND:
+            self.forget()
+            return
+        now_s = telemetry.stamp_s
+        if telemetry.following_goal == self._goal_id:
+            self._followed_s = now_s
+        elif now_s - self._followed_s > _STANDS_S:
+            self._ended(snapshot, telemetry)
+            return
+        plan = self._plan
+        if plan is None or now_s - self._planned_s < _REPLAN_EVERY_S:
+            return
+        if not self._planner.path_is_free(_rest_of(plan.path, snapshot.map_from_robot), snapshot.grid):
+            self._journal.add(Severity.INFO, "something new stands in the way: planning again")
+            self._plan_and_send(snapshot, telemetry)
+        elif self._has_moved(plan, snapshot):
+            self._send_path(plan, snapshot)
+
+    def _ended(self, snapshot: MapSnapshot, telemetry: Telemetry) -> None:
+        goal = self._goal
+        if goal is None:
+            return
+        pose = snapshot.map_from_robot
+        error_m = math.hypot(pose.x_m - goal[0], pose.y_m - goal[1])
+        if error_m <= _ARRIVED_M:
+            self._journal.add(Severity.INFO, f"goal reached, {100 * error_m:.0f} cm off by the map")
+            self.forget()
+        elif self._tries < _TRIES:
+            self._plan_and_send(snapshot, telemetry)
+        else:
+            self._journal.add(Severity.WARNING, f"goal given up, {100 * error_m:.0f} cm away after {_TRIES} tries")
+            self.forget()
+
+    def _plan_and_send(self, snapshot: MapSnapshot, telemetry: Telemetry) -> None:
+        goal = self._goal
+        if goal is None:
+            return
+        self._tries += 1
+        self._planned_s = self._followed_s = telemetry.stamp_s
+        try:
+            plan = self._planner.plan(snapshot.grid, snapshot.map_from_robot, goal)
+        except PlanRefused as refusal:
+            self._journal.add(Severity.WARNING, f"go to {goal[0]:.2f}, {goal[1]:.2f}: {refusal}")
+            self.forget()
+            return
+        self._plan = plan
+        self._journal.add(
+            Severity.INFO,
+            f"going to {goal[0]:.2f}, {goal[1]:.2f}: {plan.length_m:.1f} m, "
+            f"{100 * plan.clearance_m:.0f} cm clear, planned in {1000 * plan.planning_s:.0f} ms",
+        )
+        self._send_path(plan, snapshot)
+
+    def _has_moved(self, plan: Plan, snapshot: MapSnapshot) -> bool:
+        end = _in_odom(plan.path[-1:], snapshot.map_from_odom)[0]
+        return self._sent_end is None or math.dist(end[:2], self._sent_end[:2]) > _RESEND_M
+
+    def _send_path(self, plan: Plan, snapshot: MapSnapshot) -> None:
+        path = _in_odom(plan.path, snapshot.map_from_odom)
+        self._sent_end = path[-1]
+        self._send(GoTo(self._goal_id, path.astype(np.float32)))
+
+
+def _in_odom(path: NDArray[np.float64], map_from_odom: Pose2) -> NDArray[np.float64]:
+    """(N, 3) poses from the map frame to the odom frame."""
+    odom_from_map = map_from_odom.inverse()
+    moved = np.empty_like(path)
+    moved[:, :2] = odom_from_map.apply(path[:, :2])
+    moved[:, 2] = path[:, 2] + odom_from_map.theta_rad
+    return moved
+
+
+def _rest_of(path: NDArray[np.float64], map_from_robot: Pose2) -> NDArray[np.float64]:
+    """What is still ahead: from the point nearest to the robot on."""
+    here = np.array([map_from_robot.x_m, map_from_robot.y_m])
+    return path[int(np.argmin(np.hypot(*(path[:, :2] - here).T))) :]

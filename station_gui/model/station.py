@@ -1,0 +1,292 @@
+"""The station without its window: session, mapping and planning behind the `Operator` protocol. No Qt."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+
+from shared.link.base import Link
+from shared.messages import (
+    Command,
+    Drive,
+    EmergencyStop,
+    Hello,
+    Observation,
+    Report,
+    Start,
+    Stop,
+    StopReason,
+    Telemetry,
+)
+from shared.protocol.wire import TYPE_OF
+from shared.recording import Recorder, RecordingError
+from shared.runtime.clock import Clock, wall_clock_ns
+from shared.runtime.latest import Latest
+from shared.runtime.runner import OnFault, Row, Task
+from station_gui.comms.session import Session, SessionConfig
+from station_gui.mapping.pipeline import MappingPipeline
+from station_gui.mapping.slam2d.base import MappingError
+from station_gui.mapping.snapshot import MapSnapshot
+from station_gui.model.figures import MissionFigures, RateMeter
+from station_gui.model.goal import GoalKeeper
+from station_gui.model.journal import Journal
+from station_gui.model.view import LinkFigures, LogEntry, OperatorView, Severity
+from station_gui.planning.planner import Planner
+
+_OBSERVATION_TYPE = bytes((TYPE_OF[Observation],))
+_QUEUE = 64  # observations that may wait for the mapping; the oldest give way
+_OBSERVATIONS_PER_STEP = 8
+_RESTART_S = 1.0  # an observation so much older than the last one comes from a robot that was restarted
+
+MakeLink = Callable[[str, int], Link]
+MakePipeline = Callable[[], MappingPipeline]
+NameRecording = Callable[[], Path | None]
+
+SESSION_ROW = Row("session", 50.0, 0.5, 0.02, OnFault.RETRY)
+MAPPING_ROW = Row("mapping", 50.0, 1.0, 0.10, OnFault.DEGRADE)
+PLANNING_ROW = Row("planning", 10.0, 1.0, 0.50, OnFault.DEGRADE)
+
+
+class Station:
+    """Implements `Operator`. Its three tasks run in threads, or in lock-step with a robot."""
+
+    def __init__(
+        self,
+        session: SessionConfig,
+        clock: Clock,
+        make_link: MakeLink,
+        make_pipeline: MakePipeline,
+        planner: Planner,
+        name_recording: NameRecording,
+        first_command: int,
+    ) -> None:
+        self._clock = clock
+        self._make_link = make_link
+        self._make_pipeline = make_pipeline
+        self._name_recording = name_recording
+        self._journal = Journal(clock)
+        self._session = Session(session, clock, self, first_command)
+        self._goals = GoalKeeper(planner, self._session.send, self._journal)
+        self._pipeline = make_pipeline()
+        self._queue: deque[Observation] = deque(maxlen=_QUEUE)
+        self._queue_lock = threading.Lock()
+        self._recorder: Recorder | None = None
+        self._recorder_lock = threading.Lock()
+        self._address = ""
+        self._hello: Hello | None = None
+        self._telemetry: Latest[Telemetry] = Latest()
+        self._observation: Observation | None = None
+        self._snapshot: MapSnapshot | None = None
+        self._seen_revision = 0
+        self._received = RateMeter()
+        self._observed = RateMeter()
+        self._refreshed = RateMeter()
+        self.figures = MissionFigures()
+
+    # --- what runs ---
+
+    def tasks(self) -> list[Task]:
+        return [
+            Task(SESSION_ROW, self._session.step),
+            Task(MAPPING_ROW, self.step_mapping),
+            Task(PLANNING_ROW, self._step_planning),
+        ]
+
+    def close(self) -> None:
+        """Let go of the link and end the recording; call it after the tasks have ended."""
+        self._session.close()
+        self._end_recording()
+
+    def on_fault(self, row: Row, error: Exception) -> None:
+        self._journal.add(Severity.ERROR, f"{row.name}: {error}")
+
+    def step_mapping(self) -> None:
+        """Map what is waiting, then publish one snapshot."""
+        done = 0
+        while done < _OBSERVATIONS_PER_STEP and (observation := self._next_observation()) is not None:
+            self._map(observation)
+            done += 1
+        if done:
+            self._snapshot = self._pipeline.snapshot()
+
+    def finish_mapping(self) -> MapSnapshot | None:
+        """Map everything that came and put the last touch to it; call it after the tasks have ended."""
+        while (observation := self._next_observation()) is not None:
+            self._map(observation)
+        if self._pipeline.observations:
+            self._pipeline.finish()
+            self._snapshot = self._pipeline.snapshot()
+        return self._snapshot
+
+    def _step_planning(self) -> None:
+        telemetry = self._telemetry.stamped()
+        self._goals.step(self._snapshot, telemetry.value if telemetry is not None else None)
+
+    # --- what the window asks for ---
+
+    def view(self) -> OperatorView:
+        now_s = self._clock.now_s()
+        snapshot = self._snapshot
+        if snapshot is not None and snapshot.revision != self._seen_revision:
+            self._seen_revision = snapshot.revision
+            self._refreshed.add(now_s)
+            self.figures.saw_update(now_s)
+        telemetry = self._telemetry.stamped()
+        recorder = self._recorder
+        return OperatorView(
+            time_s=now_s,
+            link_state=self._session.state,
+            address=self._address,
+            link=self._link_figures(now_s),
+            robot=self._hello,
+            telemetry=telemetry.value if telemetry is not None else None,
+            telemetry_age_s=self._telemetry.age_s(now_s),
+            observation=self._observation,
+            snapshot=snapshot,
+            goal_m=self._goals.goal_m,
+            path_m=self._goals.path_m,
+            recording=str(recorder.path) if recorder is not None else "",
+            log_length=self._journal.length,
+        )
+
+    def log_since(self, index: int) -> list[LogEntry]:
+        return self._journal.since(index)
+
+    def connect(self, host: str, port: int) -> None:
+        self._address = f"{host}:{port}"
+        self._begin_recording()
+        self._journal.add(Severity.INFO, f"connecting to {self._address}")
+        self._session.connect(lambda: self._make_link(host, port))
+
+    def disconnect(self) -> None:
+        self._session.disconnect()
+        self._end_recording()
+
+    def start(self) -> None:
+        self._send(Start())
+
+    def stop(self) -> None:
+        self._goals.forget()
+        self._send(Stop())
+
+    def emergency_stop(self) -> None:
+        self._goals.forget()
+        self._send(EmergencyStop())
+
+    def go_to(self, x_m: float, y_m: float) -> None:
+        if not (math.isfinite(x_m) and math.isfinite(y_m)):
+            self._journal.add(Severity.WARNING, "a goal needs a place on the map")
+            return
+        self._goals.ask(x_m, y_m)
+
+    def drive(self, speed_mps: float, steering_rad: float) -> None:
+        self._goals.forget()
+        self._send(Drive(speed_mps, steering_rad))
+
+    def _send(self, command: Command) -> None:
+        if not self._session.send(command):
+            self._journal.add(Severity.WARNING, f"{type(command).__name__} was not sent: there is no connection")
+
+    # --- what the session hears ---
+
+    def on_datagram(self, datagram: bytes) -> None:
+        now_s = self._clock.now_s()
+        self._received.add(now_s, len(datagram))
+        if datagram[1:2] == _OBSERVATION_TYPE:
+            self.figures.observation_bytes += len(datagram)
+        with self._recorder_lock:
+            recorder = self._recorder
+            if recorder is None:
+                return
+            recorder.write(datagram, now_s)
+            if recorder.error is not None:
+                self._journal.add(Severity.ERROR, recorder.error)
+                self._recorder = None
+
+    def on_report(self, report: Report) -> None:
+        match report:
+            case Observation():
+                self._take_observation(report)
+            case Telemetry():
+                self._take_telemetry(report)
+            case Hello():
+                self._hello = report
+            case _:
+                pass
+
+    def on_event(self, severity: Severity, text: str) -> None:
+        self._journal.add(severity, text)
+
+    def _take_observation(self, observation: Observation) -> None:
+        self.figures.observations += 1
+        self._observed.add(self._clock.now_s())
+        with self._queue_lock:
+            self.figures.observations_dropped += len(self._queue) == _QUEUE
+            self._queue.append(observation)
+
+    def _take_telemetry(self, telemetry: Telemetry) -> None:
+        before = self._telemetry.stamped()
+        self._telemetry.put(telemetry, self._clock.now_s())
+        if before is None or (before.value.state, before.value.stop_reason) != (telemetry.state, telemetry.stop_reason):
+            self._journal.add(*_mission_event(telemetry))
+        for fault in set(telemetry.faults) - set(before.value.faults if before is not None else ()):
+            self._journal.add(Severity.ERROR, f"robot: {fault}")
+
+    # --- mapping and recording ---
+
+    def _next_observation(self) -> Observation | None:
+        with self._queue_lock:
+            return self._queue.popleft() if self._queue else None
+
+    def _map(self, observation: Observation) -> None:
+        last = self._observation
+        if last is not None and observation.stamp_s < last.stamp_s - _RESTART_S:
+            self._journal.add(Severity.WARNING, "the robot was restarted: a new map begins")
+            self._pipeline = self._make_pipeline()
+            self._goals.forget()
+        elif last is not None and observation.stamp_s <= last.stamp_s:
+            return  # came twice
+        try:
+            self._pipeline.add(observation)
+        except MappingError as error:
+            self._journal.add(Severity.ERROR, f"mapping: {error}; the last map stays")
+            return
+        self._observation = observation
+
+    def _link_figures(self, now_s: float) -> LinkFigures:
+        return LinkFigures(
+            observations_hz=self._observed.per_second(now_s),
+            refresh_hz=self._refreshed.per_second(now_s),
+            bytes_per_observation=self.figures.bytes_per_observation,
+            received_bps=8 * self._received.per_second(now_s),
+            round_trip_s=self._session.round_trip_s,
+        )
+
+    def _begin_recording(self) -> None:
+        self._end_recording()
+        path = self._name_recording()
+        if path is None:
+            return
+        try:
+            recorder = Recorder(path, {"address": self._address}, wall_clock_ns() - round(self._clock.now_s() * 1e9))
+        except RecordingError as error:
+            self._journal.add(Severity.ERROR, f"{error}; the mission is not recorded")
+            return
+        with self._recorder_lock:
+            self._recorder = recorder
+
+    def _end_recording(self) -> None:
+        with self._recorder_lock:
+            recorder, self._recorder = self._recorder, None
+            if recorder is not None:
+                recorder.close()
+
+
+def _mission_event(telemetry: Telemetry) -> tuple[Severity, str]:
+    text = f"mission: {telemetry.state.name.lower()}"
+    if telemetry.stop_reason is StopReason.NONE:
+        return Severity.INFO, text
+    return Severity.WARNING, f"{text}, stopped: {telemetry.stop_reason.name.lower().replace('_', ' ')}"
