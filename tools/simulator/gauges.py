@@ -1,0 +1,55 @@
+"""Sensors that answer when asked: encoders, battery and motor current, processor temperature."""
+
+from __future__ import annotations
+
+import math
+
+from robot_app.drivers.base import EncoderCount, PowerSample, TemperatureSample
+from tools.simulator.world import World
+
+
+class SimulatedEncoders:
+    """Ticks since its making; a wheel that is larger than its drawing turns less often."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        p = world.scenario.encoders
+        self._per_rad = p.ticks_per_turn / math.tau
+        self._scale = 1 + p.left_scale_error, 1 + p.right_scale_error
+        # The discs stand anywhere at the start: the first tick of one wheel comes before that of the other.
+        left, right = world.random("encoders").random(2).tolist()
+        self._phase = float(left), float(right)
+        self._zero_rad = world.wheel_angles_rad()
+
+    def sample(self) -> EncoderCount:
+        angles = self._world.wheel_angles_rad()
+        left, right = (
+            math.floor((angle - zero) * scale * self._per_rad + phase)
+            for angle, zero, scale, phase in zip(angles, self._zero_rad, self._scale, self._phase, strict=True)
+        )
+        return EncoderCount(self._world.time_s, left, right)
+
+
+class SimulatedPowerMonitor:
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._random = world.random("power")
+
+    def sample(self) -> PowerSample:
+        battery, sigma_v = self._world.battery, self._world.scenario.battery.noise_v
+        voltage_v = battery.voltage_v + sigma_v * self._random.standard_normal()
+        current_a = max(0.0, battery.motor_current_a + 0.01 * self._random.standard_normal())
+        return PowerSample(self._world.time_s, float(voltage_v), float(current_a))
+
+
+class SimulatedThermometer:
+    """A busy processor warms up towards its final temperature."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._random = world.random("thermometer")
+
+    def sample(self) -> TemperatureSample:
+        p = self._world.scenario.temperature
+        warm_c = p.ambient_c + p.rise_c * -math.expm1(-self._world.elapsed_s / p.time_constant_s)
+        return TemperatureSample(self._world.time_s, float(warm_c + p.noise_c * self._random.standard_normal()))

@@ -1,0 +1,225 @@
+"""What is simulated: a room, what stands in it, the robot's devices and the mission of the demo.
+
+Room frame: origin on the floor in a corner, x and y along the walls, z up. The map's frame of a perfect mapper
+is the robot's start pose in it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from shared.config import ConfigError, load
+from shared.geometry.se2 import Pose2
+
+SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
+_MIN_HEIGHT_M = 0.10  # the low scanner must see everything that the robot could touch
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    length_x_m: float = 3.95  # paper 1, figure 15d
+    width_y_m: float = 4.2
+    wall_height_m: float = 1.5
+    wall_reflectivity: float = 0.8
+
+    def __post_init__(self) -> None:
+        if min(self.length_x_m, self.width_y_m, self.wall_height_m) <= 0:
+            raise ValueError("length_x_m, width_y_m and wall_height_m must be positive")
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """A thing in the room: a closed box, a table on four legs, or a chair (legs, seat and back)."""
+
+    name: str
+    position_m: tuple[float, float]  # of its middle
+    size_m: tuple[float, float, float]  # along its own x, along its own y, height
+    kind: Literal["box", "table", "chair"] = "box"
+    yaw_deg: float = 0.0
+    reflectivity: float = 0.6  # diffuse, 0 to 1, at the wavelength of scanner and camera
+    leg_m: float = 0.04  # side of a square leg
+
+    def __post_init__(self) -> None:
+        if min(self.size_m) <= 0 or self.size_m[2] < _MIN_HEIGHT_M:
+            raise ValueError(f"{self.name}: size_m must be positive and at least {_MIN_HEIGHT_M} m high")
+        if not 0 < self.reflectivity <= 1:
+            raise ValueError(f"{self.name}: reflectivity must be in (0, 1]")
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    position_m: tuple[float, float]
+    heading_deg: float = 0.0
+
+    @property
+    def room_from_robot(self) -> Pose2:
+        return Pose2(self.position_m[0], self.position_m[1], math.radians(self.heading_deg))
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """A place the demo sends the robot to after its observation, room frame."""
+
+    position_m: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class ScannerParameters:
+    """Hokuyo UBG-04LX-F01. Accuracy: 10 mm up to 1 m, 1 % of the range beyond (data sheet of the 04LX class)."""
+
+    period_s: float = 0.040  # 25 Hz, paper 1
+    beams: int = 682  # steps 44 to 725 of 1024 a turn
+    range_min_m: float = 0.06
+    range_max_m: float = 4.0
+    sigma_near_m: float = 0.010
+    sigma_far_fraction: float = 0.010
+    dropout: float = 0.005
+    edge_step_m: float = 0.10  # neighbouring beams that differ by more straddle an edge
+    edge_lost: float = 0.25  # of the beams at an edge
+    edge_mixed: float = 0.25
+    min_signal_per_m2: float = 0.006  # reflectivity * cos(incidence) / range²: echoes below twice this get lost
+
+
+@dataclass(frozen=True, slots=True)
+class CameraParameters:
+    """Intel RealSense L515: 640 x 480 at 30 frames a second, 70 x 50 degrees, 0.5 to 9 m."""
+
+    width: int = 640
+    height: int = 480
+    horizontal_deg: float = 70.0
+    vertical_deg: float = 50.0
+    rate_hz: float = 30.0
+    unit_m: float = 0.00025
+    range_min_m: float = 0.5
+    range_max_m: float = 9.0
+    sigma_at_1m_m: float = 0.0025
+    sigma_at_9m_m: float = 0.0155
+    neighbour_correlation: float = 0.35
+    dropout: float = 0.002
+    edge_fraction: float = 0.03  # neighbouring pixels whose depths differ by more straddle an edge
+    edge_lost: float = 0.35
+    edge_flying: float = 0.25
+    reflectivity: float = 0.6
+    min_signal_per_m2: float = 0.0059  # half of a 95 % target at 9 m, the longest range it promises
+
+
+@dataclass(frozen=True, slots=True)
+class ImuParameters:
+    """LSM9DS1 at 245 deg/s and 2 g."""
+
+    rate_hz: float = 100.0
+    gyro_noise_dps_rthz: float = 0.012
+    gyro_bias_dps: float = 2.0  # standard deviation of the bias at switching on, each axis
+    gyro_walk_dps_rts: float = 0.002  # random walk of the bias
+    gyro_step_dps: float = 0.00875
+    acceleration_noise_mg_rthz: float = 0.25
+    acceleration_bias_mg: float = 20.0
+    acceleration_step_mg: float = 0.061
+
+
+@dataclass(frozen=True, slots=True)
+class EncoderParameters:
+    ticks_per_turn: int = 80
+    left_scale_error: float = 0.003  # a wheel a little larger than its drawing
+    right_scale_error: float = -0.002
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryParameters:
+    """Two LiFePO4 cells in series."""
+
+    nominal_v: float = 6.6
+    capacity_ah: float = 3.0
+    charge: float = 0.9  # at the start, 0 to 1
+    resistance_ohm: float = 0.06
+    idle_current_a: float = 1.8  # computer and sensors
+    noise_v: float = 0.004
+
+
+@dataclass(frozen=True, slots=True)
+class TemperatureParameters:
+    ambient_c: float = 24.0
+    rise_c: float = 31.0  # of the busy processor, in the end
+    time_constant_s: float = 240.0
+    noise_c: float = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class CarParameters:
+    """350 x 200 x 200 mm; what follows from a small geared motor and a hobby servo."""
+
+    wheelbase_m: float = 0.26
+    track_m: float = 0.17
+    wheel_radius_m: float = 0.04
+    wheel_width_m: float = 0.03
+    front_m: float = 0.305
+    rear_m: float = 0.045
+    width_m: float = 0.20
+    height_m: float = 0.20
+    mass_kg: float = 3.0
+    max_steering_rad: float = 0.5
+    servo_rate_radps: float = 4.0
+    servo_lag_s: float = 0.04
+    no_load_speed_mps: float = 0.70  # full duty at the battery's nominal voltage
+    stall_torque_nm: float = 0.8  # of both rear wheels together
+    stall_current_a: float = 4.0
+    gear_friction_nm: float = 0.02  # each rear wheel
+    scanner_x_m: float = 0.25
+    scanner_z_m: float = 0.09
+    camera_x_m: float = 0.28
+    camera_z_m: float = 0.17
+    camera_pitch_down_deg: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    name: str
+    start: Start
+    room: Room = field(default_factory=Room)
+    items: tuple[Item, ...] = ()
+    goals: tuple[Goal, ...] = ()
+    floor_friction: float = 1.0
+    car: CarParameters = field(default_factory=CarParameters)
+    scanner: ScannerParameters = field(default_factory=ScannerParameters)
+    camera: CameraParameters = field(default_factory=CameraParameters)
+    imu: ImuParameters = field(default_factory=ImuParameters)
+    encoders: EncoderParameters = field(default_factory=EncoderParameters)
+    battery: BatteryParameters = field(default_factory=BatteryParameters)
+    temperature: TemperatureParameters = field(default_factory=TemperatureParameters)
+
+    def __post_init__(self) -> None:
+        names = [item.name for item in self.items]
+        twice = {name for name in names if names.count(name) > 1}
+        if twice:
+            raise ValueError(f"items must have different names; twice: {', '.join(sorted(twice))}")
+        for what, (x, y) in (("start", self.start.position_m), *(("goals", g.position_m) for g in self.goals)):
+            if not (0 < x < self.room.length_x_m and 0 < y < self.room.width_y_m):
+                raise ValueError(f"{what}: ({x}, {y}) is not in the room")
+
+    def goals_in_start_frame_m(self) -> tuple[tuple[float, float], ...]:
+        """The goals as seen from the start pose, which is where a map begins."""
+        start_from_room = self.start.room_from_robot.inverse()
+        moved = [start_from_room.apply(np.array([goal.position_m]))[0] for goal in self.goals]
+        return tuple((float(x), float(y)) for x, y in moved)
+
+
+def scenario_names() -> tuple[str, ...]:
+    return tuple(sorted(path.stem for path in SCENARIO_FOLDER.glob("*.toml")))
+
+
+def find_scenario(name_or_path: str) -> Scenario:
+    """The scenario of this name, or in this file; a wrong one is a `ConfigError` that lists the known ones."""
+    known = SCENARIO_FOLDER / f"{name_or_path}.toml"
+    if name_or_path in scenario_names():
+        return load(known, Scenario)
+    path = Path(name_or_path)
+    if path.suffix == ".toml" and path.is_file():
+        return load(path, Scenario)
+    raise ConfigError(
+        f"no scenario {name_or_path!r}; known are {', '.join(scenario_names())}, or the path of a TOML file"
+    )

@@ -1,0 +1,156 @@
+"""What really was: poses, collisions, surfaces. For evaluation only; nothing of the product reads it."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.geometry.se2 import Pose2
+from tools.simulator.scenario import Scenario, Start
+from tools.simulator.solids import Solid, solids_of
+
+if TYPE_CHECKING:
+    from tools.simulator.world import World
+
+_MAX_POSES = 500_000  # 2.7 hours at 50 Hz
+_TOUCHING_M = 0.001  # faces closer together than this are no surface
+TRUTH_FILE, SIMULATION_FILE = "truth.tum", "simulation.json"
+
+
+class TruthRecorder:
+    """Poses over time, room frame, up to a bound."""
+
+    def __init__(self, start: Pose2) -> None:
+        self._rows: list[tuple[float, float, float, float]] = []
+        self._last = start
+        self.distance_m = 0.0
+
+    def record(self, time_s: float, room_from_robot: Pose2) -> None:
+        self.distance_m += room_from_robot.distance_m(self._last)
+        self._last = room_from_robot
+        if len(self._rows) < _MAX_POSES:
+            self._rows.append((time_s, room_from_robot.x_m, room_from_robot.y_m, room_from_robot.theta_rad))
+
+    def poses(self) -> NDArray[np.float64]:
+        """(N, 4): time_s, x_m, y_m, theta_rad."""
+        return np.array(self._rows, dtype=np.float64).reshape(-1, 4)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrueSurfaces:
+    """What a perfect scanner at `height_m` would map.
+
+    `segments_m`: (S, 2, 2), room frame; free space is on the left of the way from the first to the second point.
+    """
+
+    segments_m: NDArray[np.float64]
+    start: Pose2  # room_from_robot at the start, where a map's frame begins
+    height_m: float
+
+
+def true_surfaces(scenario: Scenario, height_m: float | None = None) -> TrueSurfaces:
+    """The outlines of everything at that height, by default the scanner's, without what lies inside other things."""
+    height = scenario.car.scanner_z_m if height_m is None else height_m
+    solids = [solid for solid in solids_of(scenario) if solid.reaches(height)]
+    pieces: list[NDArray[np.float64]] = []
+    for solid in solids:
+        corners = solid.corners_m()
+        others = [other for other in solids if other is not solid]
+        for i in range(4):
+            # Clockwise round a solid its inside is on the right, so free space is on the left.
+            edge = np.array([corners[(i + 1) % 4], corners[i]])
+            pieces += [p for p in _outside(edge, others) if _in_room(p, scenario)]
+    return TrueSurfaces(np.array(pieces).reshape(-1, 2, 2), scenario.start.room_from_robot, height)
+
+
+def _outside(edge_m: NDArray[np.float64], solids: list[Solid]) -> list[NDArray[np.float64]]:
+    """The parts of a segment that lie in none of the solids."""
+    hidden = sorted(span for solid in solids if (span := _span_inside(edge_m, solid)) is not None)
+    pieces, at = [], 0.0
+    length_m = float(np.hypot(*(edge_m[1] - edge_m[0])))
+    for low, high in [*hidden, (1.0, 1.0)]:
+        if (low - at) * length_m > _TOUCHING_M:
+            pieces.append(np.array([edge_m[0] + t * (edge_m[1] - edge_m[0]) for t in (at, low)]))
+        at = max(at, high)
+    return pieces
+
+
+def _span_inside(edge_m: NDArray[np.float64], solid: Solid) -> tuple[float, float] | None:
+    """Where, from 0 to 1 along a segment, it lies in the solid (Liang and Barsky)."""
+    local = Pose2(solid.center_m[0], solid.center_m[1], solid.yaw_rad).inverse().apply(edge_m)
+    low, high = 0.0, 1.0
+    for axis in range(2):
+        limit = solid.half_m[axis] + _TOUCHING_M
+        start, step = local[0, axis], local[1, axis] - local[0, axis]
+        if abs(step) < 1e-12:
+            if abs(start) > limit:
+                return None
+            continue
+        near, far = sorted(((-limit - start) / step, (limit - start) / step))
+        low, high = max(low, near), min(high, far)
+    return (low, high) if high > low else None
+
+
+def _in_room(piece_m: NDArray[np.float64], scenario: Scenario) -> bool:
+    x, y = piece_m.mean(axis=0).tolist()
+    slack = _TOUCHING_M
+    return bool(-slack <= x <= scenario.room.length_x_m + slack and -slack <= y <= scenario.room.width_y_m + slack)
+
+
+def write_truth(world: World, folder: Path) -> None:
+    """`truth.tum` (time x y z qx qy qz qw) and `simulation.json`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with world.moved:
+        poses, report = world.truth.poses(), _report(world)
+    rows = (
+        f"{t:.4f} {x:.6f} {y:.6f} 0 0 0 {math.sin(theta / 2):.9f} {math.cos(theta / 2):.9f}\n"
+        for t, x, y, theta in poses.tolist()
+    )
+    (folder / TRUTH_FILE).write_text("".join(rows), "utf-8")
+    (folder / SIMULATION_FILE).write_text(json.dumps(report, indent=1) + "\n", "utf-8")
+
+
+def _report(world: World) -> dict[str, Any]:
+    scenario = world.scenario
+    return {
+        "scenario": scenario.name,
+        "seed": world.seed,
+        "start": asdict(scenario.start),
+        "simulated_s": world.elapsed_s,
+        "slipped_s": world.slipped_s,
+        "distance_m": world.truth.distance_m,
+        "collisions": world.collisions.count,
+        "collision_list": [asdict(collision) for collision in world.collisions.recorded],
+        "scanner_height_m": scenario.car.scanner_z_m,
+        "surfaces_m": true_surfaces(scenario).segments_m.round(6).tolist(),
+        "boxes": [asdict(solid) for solid in solids_of(scenario)],
+    }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedTruth:
+    """What `write_truth` left: `poses` (N, 4) as of `TruthRecorder.poses`."""
+
+    poses: NDArray[np.float64]
+    surfaces: TrueSurfaces
+    collisions: int
+    distance_m: float
+    slipped_s: float
+
+
+def read_truth(folder: Path) -> RecordedTruth:
+    report = json.loads((folder / SIMULATION_FILE).read_text("utf-8"))
+    start = Start(tuple(report["start"]["position_m"]), report["start"]["heading_deg"])
+    surfaces = TrueSurfaces(
+        np.array(report["surfaces_m"]).reshape(-1, 2, 2), start.room_from_robot, report["scanner_height_m"]
+    )
+    rows = np.loadtxt(folder / TRUTH_FILE, ndmin=2)
+    theta = 2 * np.arctan2(rows[:, 6], rows[:, 7])
+    poses = np.column_stack((rows[:, :3], (theta + np.pi) % (2 * np.pi) - np.pi))
+    return RecordedTruth(poses, surfaces, report["collisions"], report["distance_m"], report["slipped_s"])
