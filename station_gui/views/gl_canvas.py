@@ -1,0 +1,178 @@
+"""The OpenGL widget of the 3D map and the items in it."""
+
+from __future__ import annotations
+
+import logging
+import math
+
+import numpy as np
+import pyqtgraph as pg
+import pyqtgraph.opengl as gl
+from numpy.typing import NDArray
+from PySide6.QtCore import Signal
+from PySide6.QtGui import QImage, QMouseEvent
+from PySide6.QtWidgets import QWidget
+
+from shared.geometry.se2 import Pose2
+from station_gui.mapping.snapshot import MapSnapshot, ObjectKind
+from station_gui.qt import theme
+from station_gui.views import scene3d
+from station_gui.views.grid_picture import Extent, GridPicture, colour_table, make_picture
+from station_gui.views.pose import finite_rows
+
+_log = logging.getLogger(__name__)
+_NO_LINES = np.zeros((0, 3), np.float32)
+_GRID_STEP_M = 0.5
+_MAX_GRID_LINES_M = 60.0  # beyond this the floor grid would be a carpet
+_ELEVATION_DEG = 52.0
+_AZIMUTH_DEG = -62.0
+
+
+class GlCanvas(gl.GLViewWidget):  # type: ignore[misc]  # pyqtgraph has no types
+    """Draws the scene; `failed` tells once that this display cannot."""
+
+    failed = Signal(str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._broken = False
+        self._moved_by_hand = False
+        self.setMinimumSize(260, 220)  # it has no size hint: a layout would give it nothing
+        self.setBackgroundColor(theme.SCENE_SKY)
+        self._floor = gl.GLImageItem(np.zeros((1, 1, 4), np.uint8), glOptions="opaque")
+        self._floor_grid = _lines(theme.MAP_OCCUPIED, 1.0, 0.22)
+        self._large = _lines(theme.OBJECT_LARGE, 2.2)
+        self._small = _lines(theme.OBJECT_SMALL, 2.2)
+        self._trail = _lines(theme.TRAJECTORY, 2.0, mode="line_strip")
+        self._path = _lines(theme.PATH, 2.5, mode="line_strip")
+        self._robot = gl.GLMeshItem(
+            vertexes=np.zeros((3, 3), np.float32), faces=np.zeros((1, 3), np.uint32), computeNormals=False, smooth=False
+        )
+        items = (self._floor, self._floor_grid, self._trail, self._path, self._large, self._small, self._robot)
+        for depth, item in enumerate(items):
+            item.setDepthValue(depth)
+            item.setVisible(False)
+            self.addItem(item)
+        self.reset_camera(None)
+
+    def initializeGL(self) -> None:  # noqa: N802 - Qt's name
+        try:
+            super().initializeGL()
+        except Exception as error:  # noqa: BLE001 - a driver may fail in any way; the window goes on
+            self._give_up(error)
+
+    def paintGL(self) -> None:  # noqa: N802 - Qt's name
+        if self._broken:
+            return
+        try:
+            super().paintGL()
+        except Exception as error:  # noqa: BLE001 - a driver may fail in any way; the window goes on
+            self._give_up(error)
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+        self._moved_by_hand = True
+        super().mouseMoveEvent(event)
+
+    @property
+    def moved_by_hand(self) -> bool:
+        return self._moved_by_hand
+
+    def show_floor(self, snapshot: MapSnapshot) -> GridPicture:
+        """The occupancy grid as the floor; returns its picture."""
+        picture = make_picture(snapshot.grid)
+        shown = picture.levels is not None
+        self._floor.setVisible(shown)
+        self._floor_grid.setVisible(shown)
+        if picture.levels is None:
+            return picture
+        extent = picture.extent
+        self._floor.setData(colour_table()[picture.levels.T])
+        self._floor.resetTransform()
+        self._floor.scale(extent.width_m / picture.levels.shape[1], extent.height_m / picture.levels.shape[0], 1.0)
+        self._floor.translate(extent.left_m, extent.bottom_m, 0.0)
+        step_m = _GRID_STEP_M if max(extent.width_m, extent.height_m) < _MAX_GRID_LINES_M else 10 * _GRID_STEP_M
+        lines = scene3d.floor_lines_m(extent.left_m, extent.bottom_m, extent.width_m, extent.height_m, step_m)
+        _set_lines(self._floor_grid, _raised(lines[:, :2], 0.002))
+        return picture
+
+    def show_objects(self, snapshot: MapSnapshot) -> None:
+        _set_lines(self._large, scene3d.segments_of(snapshot.objects, ObjectKind.LARGE))
+        _set_lines(self._small, scene3d.segments_of(snapshot.objects, ObjectKind.SMALL))
+
+    def show_trail(self, snapshot: MapSnapshot) -> None:
+        places = finite_rows(np.asarray(snapshot.trajectory, np.float64).reshape(-1, 4)[:, 1:3])
+        _set_lines(self._trail, _raised(places, 0.006))
+
+    def show_path(self, path_m: NDArray[np.float64] | None) -> None:
+        _set_lines(self._path, _NO_LINES if path_m is None else _raised(finite_rows(path_m[:, :2]), 0.010))
+
+    def shape_robot(self, corners_m: NDArray[np.float64]) -> None:
+        mesh = scene3d.robot_mesh(corners_m)
+        self._robot.setMeshData(
+            vertexes=mesh.vertices_m, faces=mesh.faces, faceColors=mesh.colours, computeNormals=False, smooth=False
+        )
+
+    def place_robot(self, pose: Pose2 | None) -> None:
+        self._robot.setVisible(pose is not None)
+        if pose is not None:
+            self._robot.resetTransform()
+            self._robot.rotate(math.degrees(pose.theta_rad), 0, 0, 1)
+            self._robot.translate(pose.x_m, pose.y_m, 0)
+
+    def forget_map(self) -> None:
+        for item in self.items:
+            item.setVisible(False)
+
+    def reset_camera(self, known: Extent | None) -> None:
+        """Look at all of `known` from the south, so that the map lies as it does in the view from above."""
+        self._moved_by_hand = False
+        self.setCameraPosition(elevation=_ELEVATION_DEG, azimuth=_AZIMUTH_DEG)
+        self.frame(known)
+
+    def frame(self, known: Extent | None) -> None:
+        """Keep the direction, but bring all of `known` into view."""
+        if known is None:
+            self.setCameraPosition(pos=pg.Vector(0, 0, 0), distance=6.0)
+            return
+        centre = pg.Vector(known.left_m + known.width_m / 2, known.bottom_m + known.height_m / 2, 0.1)
+        size_m = math.hypot(known.width_m, known.height_m)
+        aspect = self.width() / max(1, self.height())
+        self.setCameraPosition(pos=centre, distance=max(1.0, 1.08 * size_m * max(1.0, aspect / 1.25)))
+
+    def look_at(self, pose: Pose2) -> None:
+        self.setCameraPosition(pos=pg.Vector(pose.x_m, pose.y_m, 0.1))
+
+    def picture(self, width_px: int, height_px: int) -> QImage:
+        """The scene alone at this size, whatever the size of the widget."""
+        pixels = np.ascontiguousarray(self.renderToArray((width_px, height_px)))
+        self.doneCurrent()
+        image = QImage(pixels.data, width_px, height_px, 4 * width_px, QImage.Format.Format_RGB32)
+        return image.copy()  # the copy owns its pixels
+
+    def _give_up(self, error: Exception) -> None:
+        if not self._broken:
+            self._broken = True
+            _log.error("3D view fails: %s", error, exc_info=error)
+            self.failed.emit(str(error))
+
+
+def _lines(colour: str, width_px: float, alpha: float = 1.0, mode: str = "lines") -> gl.GLLinePlotItem:
+    return gl.GLLinePlotItem(
+        pos=_NO_LINES,
+        color=scene3d.rgba(colour, alpha),
+        width=width_px,
+        mode=mode,
+        antialias=True,
+        glOptions="translucent",
+    )
+
+
+def _set_lines(item: gl.GLLinePlotItem, positions_m: NDArray[np.floating]) -> None:
+    item.setVisible(len(positions_m) >= 2)
+    if len(positions_m) >= 2:
+        item.setData(pos=np.asarray(positions_m, np.float32))
+
+
+def _raised(places_m: NDArray[np.floating], height_m: float) -> NDArray[np.float32]:
+    """(N, 2) on the floor to (N, 3) just above it, so that the floor does not swallow them."""
+    return np.column_stack((places_m, np.full(len(places_m), height_m))).astype(np.float32)

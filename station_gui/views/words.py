@@ -1,0 +1,102 @@
+"""How states and figures are put to the operator."""
+
+from __future__ import annotations
+
+import math
+
+from shared.messages import MissionState, StopReason, Telemetry
+from station_gui.model.view import LinkState, OperatorView
+
+NO_VALUE = "–"
+
+STATE_NAMES = {
+    MissionState.IDLE: "Idle",
+    MissionState.OBSERVE: "Observe",
+    MissionState.COMMAND: "Command",
+    MissionState.HALTED: "Halted",
+}
+
+_STATE_SENTENCES = {
+    MissionState.IDLE: "Ready. Press Start observation to map the room.",
+    MissionState.OBSERVE: "Going round the room and building the first map.",
+    MissionState.COMMAND: "The map is there. Send the robot to a place or drive it by hand.",
+    MissionState.HALTED: "Halted.",
+}
+
+_STOP_SENTENCES = {
+    StopReason.NONE: "",
+    StopReason.OPERATOR: "Stopped by the operator.",
+    StopReason.EMERGENCY: "Emergency stop: the drive is cut.",
+    StopReason.COMMAND_SILENCE: "Stopped by itself: it heard nothing from the station.",
+    StopReason.SENSOR_STALE: "Stopped: a sensor no longer delivers.",
+    StopReason.DEVICE_FAULT: "Stopped: a device failed.",
+    StopReason.LOW_BATTERY: "Stopped: the battery is low.",
+    StopReason.OVER_TEMPERATURE: "Stopped: the computer is too hot.",
+    StopReason.BLOCKED: "Stopped: something is in the way.",
+    StopReason.TASK_FAULT: "Stopped: a task of its program failed.",
+    StopReason.SHUTDOWN: "Stopped: its program is ending.",
+}
+
+_LINK_SENTENCES = {
+    LinkState.DISCONNECTED: "Not connected",
+    LinkState.CONNECTING: "Connecting…",
+    LinkState.CONNECTED: "Connected",
+    LinkState.LOST: "Connection lost, trying again…",
+}
+
+
+def number(value: float | None, decimals: int = 0, unit: str = "") -> str:
+    """The value with its unit, or a dash where there is none."""
+    if value is None or not math.isfinite(value):
+        return NO_VALUE
+    shown = f"{value:.{decimals}f}"
+    if float(shown) == 0:
+        shown = shown.lstrip("-")
+    return f"{shown} {unit}".rstrip()
+
+
+def bits_per_second(value: float) -> str:
+    if not math.isfinite(value):
+        return NO_VALUE
+    return number(value / 1e6, 2, "Mbit/s") if value >= 1e6 else number(value / 1e3, 1, "kbit/s")
+
+
+def age(age_s: float) -> str:
+    """How long ago, in few letters."""
+    if not math.isfinite(age_s):
+        return "never"
+    if age_s < 100:
+        return f"{age_s:.1f} s"
+    return f"{age_s / 60:.0f} min"
+
+
+def link_sentence(view: OperatorView) -> str:
+    sentence = _LINK_SENTENCES[view.link_state]
+    if view.link_state is LinkState.CONNECTED and view.address:
+        return f"{sentence} to {view.address}"
+    return sentence
+
+
+def mission_sentence(view: OperatorView, stale_after_s: float) -> str:
+    """What the robot does, or why it does not, in one line."""
+    if view.link_state is LinkState.DISCONNECTED:
+        return "Not connected. Enter the robot's address on the left and press Connect."
+    if view.link_state is not LinkState.CONNECTED:
+        return _LINK_SENTENCES[view.link_state]
+    if view.telemetry is None:
+        return "Connected. Waiting for the robot's first report."
+    if not view.telemetry_age_s <= stale_after_s:
+        return f"No report from the robot for {age(view.telemetry_age_s)}."
+    return telemetry_sentence(view.telemetry)
+
+
+def telemetry_sentence(telemetry: Telemetry) -> str:
+    stop = _STOP_SENTENCES.get(telemetry.stop_reason, "")
+    state = _STATE_SENTENCES.get(telemetry.state, "")
+    if telemetry.state is MissionState.HALTED:
+        sentence = f"{stop or state} Press Start observation to go on."
+    elif stop:
+        sentence = stop
+    else:
+        sentence = state
+    return " ".join([sentence, *(f"Fault: {fault}." for fault in telemetry.faults)])
