@@ -1,0 +1,134 @@
+"""Parameters of graph SLAM: one set for every log and for the robot.
+
+Where no source is named a value was found on synthetic rooms and checked on all logs at once.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True)
+class NormalConfig:
+    """How a scan's own points become lines."""
+
+    half_window: int = 3  # neighbours on each side
+    max_gap_m: float = 0.5  # between consecutive points of one surface
+    max_rms_m: float = 0.05  # of the points about their line
+
+
+@dataclass(frozen=True, slots=True)
+class LocalMapConfig:
+    """The window of surfels round the robot that scans are matched with."""
+
+    cell_m: float = 0.05  # Cartographer's and iris_lama's grid
+    size_m: float = 51.2
+    reach_cells: int = 8  # a scan may be this far off and still find its surfel
+    max_surfels: int = 60_000
+    max_count: float = 100.0  # older hits fade after this many
+    graph_reach_m: float = 30.0  # along the graph: what is farther may have drifted against the robot
+    view_m: float = 18.0  # keyframes this near to the robot are in the window
+    rebuild_distance_m: float = 4.0  # driven between two rebuilds
+    rebuild_scans_per_step: int = 12  # spreads a rebuild over the steps that follow
+    max_scans: int = 900
+
+
+@dataclass(frozen=True, slots=True)
+class MatchConfig:
+    """Least squares on the local map, and the search when the prediction is doubtful."""
+
+    wide_kernel_m: float = 0.2
+    fine_kernel_m: float = 0.05
+    inlier_m: float = 0.1
+    point_weight: float = 0.3  # of a surfel without a normal, against one with
+    max_iterations: int = 20
+    min_points: int = 12
+    doubtful_share: float = 0.6  # below this share of inliers the neighbourhood is searched
+    lost_share: float = 0.3  # below this the odometry is believed
+    patience_scans: int = 20  # lost for longer than this a new piece of map begins
+    noise_m: float = 0.03  # of one residual, beams of one wall being correlated
+    odometry_shift_m: float = 0.03  # prior: fixed part and part of the way
+    odometry_shift_ratio: float = 0.2
+    odometry_turn_rad: float = math.radians(1.0)
+    odometry_turn_ratio: float = 0.2
+    search_shift_m: float = 0.1
+    search_shifts: int = 5
+    search_turn_rad: float = math.radians(2.0)
+    search_turns: int = 10
+    search_points: int = 90
+
+
+@dataclass(frozen=True, slots=True)
+class KeyframeConfig:
+    """When a scan enters the map, and when a new node of the graph begins."""
+
+    distance_m: float = 0.1
+    turn_rad: float = math.radians(6.0)
+    node_distance_m: float = 1.0
+    node_turn_rad: float = math.radians(60.0)
+
+
+@dataclass(frozen=True, slots=True)
+class LoopConfig:
+    """Search for places seen before."""
+
+    cell_m: float = 0.1
+    levels: int = 5  # coarsest step: 2**levels cells
+    min_graph_distance_m: float = 12.0  # nearer ones are joined by tracking
+    drift_ratio: float = 0.03  # of the way along the graph: how far the estimate may be off
+    drift_fixed_m: float = 0.3
+    max_search_m: float = 8.0
+    search_turn_rad: float = math.radians(20.0)
+    overlap_m: float = 3.0  # nodes this far apart still see the same
+    neighbours: int = 3  # nodes on each side that make the place's map
+    query_neighbours: int = 1
+    max_query_points: int = 300
+    max_candidates: int = 2  # per new node
+    min_score: float = 0.55  # mean likelihood of branch and bound
+    min_inlier_share: float = 0.7
+    max_branches: int = 200_000
+    cached_places: int = 12
+    agreement_m: float = 0.3  # of two far closures that confirm each other
+    agreement_rad: float = math.radians(3.0)
+
+
+@dataclass(frozen=True, slots=True)
+class PoseGraphConfig:
+    """Optimisation of the nodes."""
+
+    shift_sigma_m: float = 0.01  # of an edge, on top of what its match says
+    turn_sigma_rad: float = math.radians(0.15)
+    lost_shift_sigma_m: float = 0.3
+    lost_turn_sigma_rad: float = math.radians(10.0)
+    switch_chi2: float = 12.0  # a closure whose error is above this loses weight (dynamic covariance scaling)
+    iterations: int = 6
+    optimise_chi2: float = 4.0  # a closure that the graph agrees with better is not worth an optimisation now
+    moved_m: float = 0.005  # poses that move less are not a new revision
+
+
+@dataclass(frozen=True, slots=True)
+class GridConfig:
+    """The occupancy grid that is shown and planned in."""
+
+    cell_m: float = 0.02  # doubled as often as the map outgrows `max_cells`
+    max_cells: int = 16_000_000
+    coarsest_cell_m: float = 0.16
+    max_range_m: float = 50.0
+    hit_log_odds: float = 0.85
+    miss_log_odds: float = -0.2
+    limit_log_odds: float = 6.0
+    thin_share: float = 0.35  # a cell with fewer hits than this share of a near cell's is the noise of that one
+    thin_reach_cells: int = 2
+    moved_cells: float = 0.25  # a scan whose pose changed more is drawn again
+
+
+@dataclass(frozen=True, slots=True)
+class GraphSlamConfig:
+    normals: NormalConfig = field(default_factory=NormalConfig)
+    local_map: LocalMapConfig = field(default_factory=LocalMapConfig)
+    match: MatchConfig = field(default_factory=MatchConfig)
+    keyframes: KeyframeConfig = field(default_factory=KeyframeConfig)
+    loops: LoopConfig = field(default_factory=LoopConfig)
+    pose_graph: PoseGraphConfig = field(default_factory=PoseGraphConfig)
+    grid: GridConfig = field(default_factory=GridConfig)

@@ -1,0 +1,1 @@
+"""From relative poses to a trajectory: loop closures and their optimisation."""

@@ -1,0 +1,114 @@
+"""Nodes, the relative poses measured between them, and the poses that agree with them best."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, csr_array
+from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.linalg import splu
+
+from station_gui.mapping.slam2d.config import PoseGraphConfig
+from station_gui.mapping.slam2d.graph import _kernels
+
+_FIRST_ROOM = 256
+
+
+class PoseGraph:
+    """Gauss–Newton on a sparse system; loop closures under dynamic covariance scaling. Node 0 stays where it is."""
+
+    def __init__(self, config: PoseGraphConfig) -> None:
+        self._config = config
+        self._poses = np.zeros((_FIRST_ROOM, 3))
+        self._ends = np.zeros((_FIRST_ROOM, 2), np.int32)
+        self._measured = np.zeros((_FIRST_ROOM, 3))
+        self._information = np.zeros((_FIRST_ROOM, 3, 3))
+        self._robust = np.zeros(_FIRST_ROOM, np.bool_)
+        self._length_m = np.zeros(_FIRST_ROOM)
+        self.nodes = 0
+        self.edges = 0
+
+    @property
+    def poses(self) -> NDArray[np.float64]:
+        """(nodes, 3): x, y, theta in the map frame; a view."""
+        return self._poses[: self.nodes]
+
+    @property
+    def ends(self) -> NDArray[np.int32]:
+        """(edges, 2): nodes that an edge joins; a view."""
+        return self._ends[: self.edges]
+
+    @property
+    def robust(self) -> NDArray[np.bool_]:
+        """(edges,): True for loop closures; a view."""
+        return self._robust[: self.edges]
+
+    def add_node(self, pose: NDArray[np.float64]) -> int:
+        if self.nodes == len(self._poses):
+            self._poses = _doubled(self._poses)
+        self._poses[self.nodes] = pose
+        self.nodes += 1
+        return self.nodes - 1
+
+    def add_edge(
+        self,
+        i: int,
+        j: int,
+        measured: NDArray[np.float64],
+        information: NDArray[np.float64],
+        length_m: float,
+        *,
+        robust: bool,
+    ) -> None:
+        """`measured`: (3,), node j in the frame of node i; `information`: (3, 3), frame of node i.
+
+        `length_m` is the way that the drift of this edge is worth.
+        """
+        if self.edges == len(self._ends):
+            self._ends, self._measured = _doubled(self._ends), _doubled(self._measured)
+            self._information, self._robust = _doubled(self._information), _doubled(self._robust)
+            self._length_m = _doubled(self._length_m)
+        e = self.edges
+        self._ends[e] = i, j
+        self._measured[e] = measured
+        self._information[e] = information
+        self._robust[e] = robust
+        self._length_m[e] = length_m
+        self.edges += 1
+
+    def optimise(self) -> None:
+        """A few Gauss–Newton steps from where the nodes are."""
+        if self.nodes < 2:
+            return
+        size = 3 * (self.nodes - 1)
+        rows, columns = np.zeros(36 * self.edges, np.int32), np.zeros(36 * self.edges, np.int32)
+        values, gradient = np.zeros(36 * self.edges), np.zeros(size)
+        for _ in range(self._config.iterations):
+            _kernels.assemble(
+                self.poses, self.ends, self._measured[: self.edges], self._information[: self.edges], self.robust,
+                self._config.switch_chi2, rows, columns, values, gradient,
+            )  # fmt: skip
+            system = csc_array((values, (rows, columns)), shape=(size, size))
+            step = splu(system, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(-gradient)
+            self.poses[1:] += step.reshape(-1, 3)
+            if float(np.abs(step).max()) < 1e-4:
+                break
+
+    def chi2(self) -> NDArray[np.float64]:
+        """(edges,): squared error of every edge by its information."""
+        result = np.zeros(self.edges)
+        _kernels.all_chi2(
+            self.poses, self.ends, self._measured[: self.edges], self._information[: self.edges], result
+        )
+        return result
+
+    def distances_m(self, node: int, limit_m: float = np.inf) -> NDArray[np.float64]:
+        """(nodes,): length of the shortest way along edges from `node`; infinite beyond `limit_m`."""
+        graph = csr_array(
+            (self._length_m[: self.edges], (self.ends[:, 0], self.ends[:, 1])), shape=(self.nodes, self.nodes)
+        )
+        return np.asarray(dijkstra(graph, directed=False, indices=node, limit=limit_m), dtype=np.float64)
+
+
+def _doubled(array: NDArray[np.generic]) -> NDArray[np.generic]:
+    return np.concatenate((array, np.zeros_like(array)))

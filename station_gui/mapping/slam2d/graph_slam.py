@@ -1,0 +1,298 @@
+"""Graph SLAM: scans are tracked on a local map, keyframes hang on the nodes of a graph, closures bend the graph.
+
+Local tracking is scan to map by least squares (as in iris_lama, Pedrosa et al. 2017); loops are found by branch and
+bound (as in Cartographer, Hess et al. 2016); the graph is optimised under dynamic covariance scaling (Agarwal et al.
+2013). Everything happens in the caller's thread, in an order that depends on the scans alone.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.geometry.se2 import Pose2
+from station_gui.mapping.scan import PointScan
+from station_gui.mapping.slam2d.base import MappingError
+from station_gui.mapping.slam2d.config import GraphSlamConfig
+from station_gui.mapping.slam2d.graph.loop_closure import Candidate, Closure, LoopCloser, edge_information
+from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
+from station_gui.mapping.slam2d.grid.occupancy_grid import OccupancyGrid
+from station_gui.mapping.slam2d.keyframes import Keyframe, Placed
+from station_gui.mapping.slam2d.local_map_builder import LocalMapBuilder
+from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, Match, ScanMatcher, to_lines
+from station_gui.mapping.slam2d.se2_arrays import between, compose
+from station_gui.mapping.snapshot import GridMap
+
+_MAX_WAITING_JOBS = 200
+_MAX_UNCONFIRMED = 30
+
+
+class GraphSlam:
+    """See `Slam`. Deterministic: the same scans give the same poses bit for bit."""
+
+    def __init__(self, config: GraphSlamConfig) -> None:
+        self._config = config
+        self._matcher = ScanMatcher(config.match, config.local_map.reach_cells, config.local_map.cell_m)
+        self._local = LocalMapBuilder(config.local_map)
+        self._graph = PoseGraph(config.pose_graph)
+        self._closer = LoopCloser(config.loops, config.local_map, self._matcher)
+        self._grid = OccupancyGrid(config.grid)
+        self._scans = Placed()
+        self._keyframes: list[Keyframe] = []
+        self._keyframe_places = Placed()
+        self._by_node: list[list[Keyframe]] = []
+        self._first_keyframe: list[int] = []  # of each node
+        self._jobs: deque[Candidate] = deque(maxlen=_MAX_WAITING_JOBS)
+        self._unconfirmed: deque[Closure] = deque(maxlen=_MAX_UNCONFIRMED)
+        self._closed: list[tuple[int, int]] = []
+        self._revision = 0
+        self._node = 0
+        self._local_from_node = np.zeros(3)
+        self._pose = np.zeros(3)  # of the robot in the local map's frame
+        self._odometry = Pose2()
+        self._since_rebuild_m = 0.0
+        self._node_way_m = 0.0
+        self._node_turn_rad = 0.0
+        self._lost_scans = 0
+
+    def add(self, scan: PointScan) -> Pose2:
+        """See `Slam.add`. Raises MappingError for a scan that holds anything but finite numbers."""
+        if not (np.isfinite(scan.points_m).all() and np.isfinite(scan.odom_from_robot.as_array()).all()):
+            raise MappingError(f"the scan at {scan.stamp_s:.3f} s holds numbers that are not finite")
+        lines = to_lines(scan.points_m, scan.origin_m, self._config.normals)
+        if len(self._scans) == 0:
+            self._begin(scan, lines)
+        else:
+            self._track(scan, lines)
+        self._odometry = scan.odom_from_robot
+        self._scans.append(self._node, self._pose_in_node())
+        self._work()
+        return Pose2.from_array(self._map_pose())
+
+    def finish(self) -> None:
+        """Close the last loops and optimise once more."""
+        if self._graph.nodes == 0:
+            return
+        self._jobs.extend(self._closer.candidates(self._graph, self._node))
+        while self._jobs:
+            self._search(self._jobs.popleft())
+        self._optimise()
+
+    def pose_of_scan(self, index: int) -> Pose2:
+        node = self._graph.poses[self._scans.node_of(index)]
+        return Pose2.from_array(compose(node, self._scans.in_node(index)))
+
+    def scan_poses(self) -> NDArray[np.float64]:
+        """(scans, 3): every scan's pose as it is believed now, map frame."""
+        return self._scans.poses(self._graph.poses)
+
+    @property
+    def revision(self) -> int:
+        return self._revision
+
+    def trajectory(self) -> NDArray[np.float64]:
+        stamps = np.array([keyframe.stamp_s for keyframe in self._keyframes])
+        return np.column_stack((stamps, self._keyframe_places.poses(self._graph.poses)))
+
+    def closures(self) -> NDArray[np.int32]:
+        pairs = [(self._first_keyframe[a], self._first_keyframe[b]) for a, b in self._closed]
+        return np.array(pairs, np.int32).reshape(-1, 2)
+
+    def grid(self) -> GridMap:
+        poses = self._keyframe_places.poses(self._graph.poses)
+        drawn = self._grid.consumed
+        self._grid.move(poses[:drawn])
+        self._grid.add_all(self._keyframes[drawn:], poses[drawn:])
+        return self._grid.snapshot()
+
+    def _begin(self, scan: PointScan, lines: LineScan) -> None:
+        self._pose = scan.odom_from_robot.as_array()
+        self._new_node()
+        self._local.begin(self._graph, self._by_node, self._node, self._pose)
+        self._local.step()
+        self._add_keyframe(scan, lines)
+
+    def _track(self, scan: PointScan, lines: LineScan) -> None:
+        """Predict by odometry, correct on the local map, extend the map and the graph."""
+        motion = (self._odometry.inverse() @ scan.odom_from_robot).as_array()
+        before = self._pose
+        match = self._match(lines, motion)
+        self._pose = match.pose
+        self._count_way(before)
+        if match.share >= self._config.match.lost_share:
+            self._lost_scans = 0
+        elif len(lines.points_m) >= self._config.match.min_points:
+            self._lost_scans += 1
+            if self._lost_scans > self._config.match.patience_scans:
+                self._start_over(scan, lines, match)
+            return
+        if self._node_is_full():
+            self._next_node(match)
+        if self._is_keyframe(len(lines.points_m)):
+            self._add_keyframe(scan, lines)
+
+    def _match(self, lines: LineScan, motion: NDArray[np.float64]) -> Match:
+        """Where the match does not deserve belief the prediction stands, with the odometry's own information."""
+        config = self._config.match
+        predicted = compose(self._pose, motion)
+        shift_sigma_m = config.odometry_shift_m + config.odometry_shift_ratio * float(np.hypot(motion[0], motion[1]))
+        turn_sigma_rad = config.odometry_turn_rad + config.odometry_turn_ratio * abs(float(motion[2]))
+        weight = 1.0 / np.square([shift_sigma_m, shift_sigma_m, turn_sigma_rad])
+        if len(lines.points_m) < config.min_points:
+            return Match(predicted, np.diag(weight), 0.0, 0.0)
+        match = self._matcher.match(lines, self._local.current, predicted, weight)
+        if match.share < config.lost_share or not np.isfinite(match.pose).all():
+            return Match(predicted, np.diag(weight), match.share, 0.0)
+        return match
+
+    def _count_way(self, before: NDArray[np.float64]) -> None:
+        step = between(before, self._pose)
+        way_m = float(np.hypot(step[0], step[1]))
+        self._node_way_m += way_m
+        self._since_rebuild_m += way_m
+        self._node_turn_rad += abs(float(step[2]))
+
+    def _node_is_full(self) -> bool:
+        config = self._config.keyframes
+        return self._node_way_m >= config.node_distance_m or self._node_turn_rad >= config.node_turn_rad
+
+    def _next_node(self, match: Match) -> None:
+        config = self._config.pose_graph
+        measured = self._pose_in_node()
+        information = edge_information(
+            match.information, float(self._local_from_node[2]), config.shift_sigma_m, config.turn_sigma_rad
+        )
+        before, way_m = self._node, self._node_way_m
+        self._new_node()
+        self._graph.add_edge(before, self._node, measured, information, max(way_m, 0.1), robust=False)
+        self._jobs.extend(self._closer.candidates(self._graph, before))
+
+    def _start_over(self, scan: PointScan, lines: LineScan, match: Match) -> None:
+        """Lost for good: a new piece of map, held to the old one by odometry until a loop joins them."""
+        config = self._config
+        measured = self._pose_in_node()
+        shift, turn = config.pose_graph.lost_shift_sigma_m, config.pose_graph.lost_turn_sigma_rad
+        before = self._node
+        self._new_node()
+        information = np.diag(1.0 / np.square([shift, shift, turn]))
+        self._graph.add_edge(before, self._node, measured, information, config.local_map.graph_reach_m, robust=False)
+        self._local.begin(self._graph, self._by_node, self._node, self._map_pose())
+        while not self._local.step():
+            pass
+        self._adopt_map_frame()
+        self._lost_scans = 0
+        self._add_keyframe(scan, lines)
+
+    def _new_node(self) -> None:
+        """At the robot's pose."""
+        pose = self._pose if self._graph.nodes == 0 else self._map_pose()
+        self._node = self._graph.add_node(pose)
+        self._local_from_node = self._pose.copy()
+        self._by_node.append([])
+        self._first_keyframe.append(len(self._keyframes))
+        self._node_way_m = 0.0
+        self._node_turn_rad = 0.0
+
+    def _is_keyframe(self, points: int) -> bool:
+        if points < self._config.match.min_points:
+            return False
+        if not self._by_node[self._node]:
+            return True
+        step = between(self._by_node[self._node][-1].in_node, self._pose_in_node())
+        config = self._config.keyframes
+        return bool(np.hypot(step[0], step[1]) >= config.distance_m or abs(step[2]) >= config.turn_rad)
+
+    def _add_keyframe(self, scan: PointScan, lines: LineScan) -> None:
+        in_node = self._pose_in_node()
+        keyframe = Keyframe(
+            scan.stamp_s,
+            self._node,
+            in_node,
+            lines.points_m.astype(np.float32),
+            lines.normals.astype(np.float32),
+            scan.origin_m,
+        )
+        self._keyframes.append(keyframe)
+        self._keyframe_places.append(self._node, in_node)
+        self._by_node[self._node].append(keyframe)
+        self._local.insert(lines, self._pose)
+        self._local.add_pending(keyframe, self._map_pose())
+
+    def _work(self) -> None:
+        """A bounded share of what is put off: one search, a few scans of the next local map."""
+        if self._jobs:
+            self._search(self._jobs.popleft())
+        if not self._local.building and self._since_rebuild_m > self._config.local_map.rebuild_distance_m:
+            self._rebuild()
+        if self._local.step():
+            self._adopt_map_frame()
+
+    def _rebuild(self) -> None:
+        self._since_rebuild_m = 0.0
+        self._local.begin(self._graph, self._by_node, self._node, self._map_pose())
+
+    def _adopt_map_frame(self) -> None:
+        pose = self._map_pose()
+        self._local_from_node = self._graph.poses[self._node].copy()
+        self._pose = pose
+
+    def _search(self, candidate: Candidate) -> None:
+        closure = self._closer.close(self._graph, self._by_node, candidate)
+        if closure is None:
+            return
+        correction = self._correction(closure)
+        if candidate.shift_m == 0 or np.hypot(correction[0], correction[1]) < self._config.loops.agreement_m:
+            self._accept([closure])
+            return
+        agreeing = [other for other in self._unconfirmed if other.new != closure.new and self._agree(other, closure)]
+        if agreeing:
+            self._accept([*agreeing, closure])
+            for other in agreeing:
+                self._unconfirmed.remove(other)
+        else:
+            self._unconfirmed.append(closure)
+
+    def _correction(self, closure: Closure) -> NDArray[np.float64]:
+        """What the closure says against the graph, in the frame of its new node."""
+        expected = compose(self._graph.poses[closure.old], closure.measured)
+        return between(self._graph.poses[closure.new], expected)
+
+    def _agree(self, a: Closure, b: Closure) -> bool:
+        """Both closures move the new place in the same way."""
+        if abs(a.new - b.new) > 15:
+            return False
+        from_a = compose(self._graph.poses[a.old], a.measured)
+        by_a = compose(from_a, between(self._graph.poses[a.new], self._graph.poses[b.new]))
+        difference = between(compose(self._graph.poses[b.old], b.measured), by_a)
+        config = self._config.loops
+        return bool(
+            np.hypot(difference[0], difference[1]) < config.agreement_m and abs(difference[2]) < config.agreement_rad
+        )
+
+    def _accept(self, closures: list[Closure]) -> None:
+        config = self._config.pose_graph
+        for closure in closures:
+            information = edge_information(closure.information, 0.0, config.shift_sigma_m, config.turn_sigma_rad)
+            self._graph.add_edge(
+                closure.old, closure.new, closure.measured, information, 0.5, robust=True
+            )
+            self._closed.append((closure.old, closure.new))
+        if float(self._graph.chi2()[-len(closures) :].max()) > config.optimise_chi2:
+            self._optimise()
+
+    def _optimise(self) -> None:
+        before = self._graph.poses.copy()
+        self._graph.optimise()
+        moved_m = np.hypot(*(self._graph.poses - before)[:, :2].T)
+        if float(moved_m.max()) > self._config.pose_graph.moved_m:
+            self._revision += 1
+            self._closer.forget_places()
+            self._rebuild()
+
+    def _pose_in_node(self) -> NDArray[np.float64]:
+        return between(self._local_from_node, self._pose)
+
+    def _map_pose(self) -> NDArray[np.float64]:
+        return compose(self._graph.poses[self._node], self._pose_in_node())

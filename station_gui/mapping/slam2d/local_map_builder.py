@@ -1,0 +1,81 @@
+"""Keeps the local map round the robot: one window in use, the next one in the making.
+
+The window holds the keyframes near the robot whose way along the graph is short, so that a place seen again is
+matched with as soon as a closure has joined it, and one that is not joined yet does not disturb. The next window
+is filled a few scans at a time, which keeps the cost of a step constant.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station_gui.mapping.slam2d.config import LocalMapConfig
+from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
+from station_gui.mapping.slam2d.keyframes import Keyframe
+from station_gui.mapping.slam2d.matching.local_map import LocalMap
+from station_gui.mapping.slam2d.matching.scan_matcher import LineScan
+from station_gui.mapping.slam2d.se2_arrays import compose
+
+
+class LocalMapBuilder:
+    """Two windows that change places."""
+
+    def __init__(self, config: LocalMapConfig) -> None:
+        self._config = config
+        self._front = self._new_window()
+        self._back = self._new_window()
+        self._queue: list[tuple[Keyframe, NDArray[np.float64]]] = []
+        self._building = False
+
+    @property
+    def current(self) -> LocalMap:
+        return self._front
+
+    @property
+    def building(self) -> bool:
+        return self._building
+
+    def insert(self, scan: LineScan, pose: NDArray[np.float64]) -> None:
+        """Into the window in use; `pose`: (3,) in its frame."""
+        self._front.insert(scan.points_m, scan.normals, pose)
+
+    def begin(self, graph: PoseGraph, by_node: list[list[Keyframe]], node: int, pose: NDArray[np.float64]) -> None:
+        """Start the next window round `pose`, the robot in the map frame, who is at `node`."""
+        config = self._config
+        near_graph = graph.distances_m(node, config.graph_reach_m)
+        away_m = np.hypot(graph.poses[:, 0] - pose[0], graph.poses[:, 1] - pose[1])
+        chosen = np.flatnonzero((near_graph <= config.graph_reach_m) & (away_m <= config.view_m))
+        chosen = chosen[np.argsort(near_graph[chosen], kind="stable")]
+        self._queue = []
+        for k in chosen:
+            self._queue.extend((keyframe, compose(graph.poses[k], keyframe.in_node)) for keyframe in by_node[k])
+            if len(self._queue) >= config.max_scans:
+                break
+        self._queue.reverse()  # the nearest along the graph come last: their hits weigh most
+        self._back.clear(float(pose[0]), float(pose[1]))
+        self._building = True
+
+    def add_pending(self, keyframe: Keyframe, pose: NDArray[np.float64]) -> None:
+        """A keyframe that came while the next window is in the making; `pose`: (3,), map frame."""
+        if self._building:
+            self._queue.append((keyframe, pose))
+
+    def step(self) -> bool:
+        """Work a little on the next window; True when it has just come into use, with the map's frame for its own."""
+        if not self._building:
+            return False
+        count = self._config.rebuild_scans_per_step
+        for keyframe, pose in self._queue[:count]:
+            scan = keyframe.lines()
+            self._back.insert(scan.points_m, scan.normals, pose)
+        del self._queue[:count]
+        if self._queue:
+            return False
+        self._front, self._back = self._back, self._front
+        self._building = False
+        return True
+
+    def _new_window(self) -> LocalMap:
+        c = self._config
+        return LocalMap(c.size_m, c.cell_m, c.reach_cells, c.max_surfels, c.max_count)

@@ -1,0 +1,59 @@
+"""A window of surfels: what scans are matched with.
+
+A surfel is the mean of all hits in one cell and of their normals, so that the noise of many scans averages out
+below the size of a cell; each cell of the window also knows its nearest surfel, so that data association is one
+look-up, as on the distance field of iris_lama (Pedrosa et al. 2017).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station_gui.mapping.slam2d.matching import _kernels
+
+
+class LocalMap:
+    """Square window of `size_m` in some frame; grows nowhere, forgets nothing until `clear`."""
+
+    def __init__(self, size_m: float, cell_m: float, reach_cells: int, max_surfels: int, max_count: float) -> None:
+        side = round(size_m / cell_m)
+        self.cell_m = cell_m
+        self.size_m = side * cell_m
+        self.origin_x_m = -0.5 * self.size_m
+        self.origin_y_m = -0.5 * self.size_m
+        self.nearest = np.full((side, side), -1, np.int32)
+        self.distance2 = np.full((side, side), _kernels.NONE_NEAR, np.uint8)
+        self.surfels = np.zeros((max_surfels, 5))
+        self.used = 0
+        self._reach_cells = reach_cells
+        self._max_count = max_count
+
+    def clear(self, centre_x_m: float, centre_y_m: float) -> None:
+        self.nearest.fill(-1)
+        self.distance2.fill(_kernels.NONE_NEAR)
+        self.used = 0
+        self.origin_x_m = centre_x_m - 0.5 * self.size_m
+        self.origin_y_m = centre_y_m - 0.5 * self.size_m
+
+    def insert(self, points_m: NDArray[np.float64], normals: NDArray[np.float64], pose: NDArray[np.float64]) -> None:
+        """`points_m`, `normals`: (N, 2), robot frame; `pose`: (3,), the robot in the window's frame."""
+        self.used = _kernels.stamp(
+            points_m,
+            normals,
+            pose,
+            self.origin_x_m,
+            self.origin_y_m,
+            self.cell_m,
+            self._reach_cells,
+            self._max_count,
+            self.nearest,
+            self.distance2,
+            self.surfels,
+            self.used,
+        )
+
+    def surfel_means_m(self) -> NDArray[np.float64]:
+        """(S, 2) in the window's frame."""
+        used = self.surfels[: self.used]
+        return np.asarray(used[:, 1:3] / used[:, :1])

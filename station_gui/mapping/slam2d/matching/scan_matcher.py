@@ -1,0 +1,138 @@
+"""Finds where a scan lies on a local map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station_gui.mapping.slam2d.config import MatchConfig, NormalConfig
+from station_gui.mapping.slam2d.matching import _kernels
+from station_gui.mapping.slam2d.matching.local_map import LocalMap
+
+_NO_PRIOR = np.zeros(3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LineScan:
+    """Points of a scan and the normals of the lines they lie on: `points_m`, `normals` (N, 2), robot frame."""
+
+    points_m: NDArray[np.float64]
+    normals: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Match:
+    """`pose`: (3,); `information`: (3, 3) of (x, y in the map's frame, theta); `share` of the points that fit."""
+
+    pose: NDArray[np.float64]
+    information: NDArray[np.float64]
+    share: float
+    rms_m: float
+
+
+def to_lines(points_m: NDArray[np.float64], origin_m: NDArray[np.float64], config: NormalConfig) -> LineScan:
+    points = np.ascontiguousarray(points_m, dtype=np.float64)
+    normals = np.zeros_like(points)
+    _kernels.scan_normals(points, origin_m, config.half_window, config.max_gap_m, config.max_rms_m, normals)
+    return LineScan(points, normals)
+
+
+class ScanMatcher:
+    """Gauss–Newton from a prediction; a correlative search first where the prediction does not fit.
+
+    The search is Olson's (2009) on the look-up table of distances; the refinement takes point-to-line residuals
+    with the weights of Geman and McClure.
+    """
+
+    def __init__(self, config: MatchConfig, reach_cells: int, cell_m: float) -> None:
+        self._config = config
+        self._likelihood = _likelihood_table(reach_cells, cell_m, config.inlier_m)
+
+    def match(
+        self, scan: LineScan, local_map: LocalMap, predicted: NDArray[np.float64], prior_weight: NDArray[np.float64]
+    ) -> Match:
+        """`prior_weight`: (3,) inverse variances of the prediction."""
+        found = self.refine(scan, local_map, predicted, predicted, prior_weight)
+        if found.share >= self._config.doubtful_share or len(scan.points_m) < self._config.min_points:
+            return found
+        start = self.search(scan, local_map, predicted)
+        other = self.refine(scan, local_map, start, predicted, prior_weight)
+        return other if other.share > found.share + 0.02 else found
+
+    def refine(
+        self,
+        scan: LineScan,
+        local_map: LocalMap,
+        start: NDArray[np.float64],
+        prior: NDArray[np.float64] = _NO_PRIOR,
+        prior_weight: NDArray[np.float64] = _NO_PRIOR,
+    ) -> Match:
+        config = self._config
+        pose = start.copy()
+        hessian, figures = np.zeros((3, 3)), np.zeros(4)
+        _kernels.refine(
+            scan.points_m,
+            scan.normals,
+            pose,
+            prior,
+            prior_weight * config.noise_m**2,
+            config.wide_kernel_m,
+            config.fine_kernel_m,
+            config.inlier_m,
+            config.point_weight,
+            config.max_iterations,
+            local_map.origin_x_m,
+            local_map.origin_y_m,
+            local_map.cell_m,
+            local_map.nearest,
+            local_map.surfels,
+            hessian,
+            figures,
+        )
+        inside, inliers, squares = figures[1], figures[2], figures[3]
+        share = inliers / inside if inside > 0 else 0.0
+        rms_m = float(np.sqrt(squares / inliers)) if inliers > 0 else 0.0
+        return Match(pose, hessian / config.noise_m**2, float(share), rms_m)
+
+    def search(self, scan: LineScan, local_map: LocalMap, centre: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The best of a grid of poses round `centre`, with every n-th point."""
+        config = self._config
+        stride = -(-len(scan.points_m) // config.search_points)
+        best = centre.copy()
+        _kernels.correlate(
+            np.ascontiguousarray(scan.points_m[::stride]),
+            centre,
+            config.search_shifts,
+            config.search_shift_m,
+            config.search_turns,
+            config.search_turn_rad,
+            self._likelihood,
+            local_map.origin_x_m,
+            local_map.origin_y_m,
+            local_map.cell_m,
+            local_map.distance2,
+            best,
+        )
+        return best
+
+    def likelihood(self, local_map: LocalMap, cell_m: float) -> tuple[NDArray[np.uint8], tuple[float, float], float]:
+        """The map as a grid of likelihoods 0..255 with cells of about `cell_m`, its lower left corner and cell."""
+        factor = max(1, round(cell_m / local_map.cell_m))
+        fine = np.round(255 * self._likelihood).astype(np.uint8)[local_map.distance2]
+        side = len(fine) // factor
+        blocks = fine[: side * factor, : side * factor].reshape(side, factor, side, factor)
+        return (
+            np.ascontiguousarray(blocks.max(axis=(1, 3))),
+            (local_map.origin_x_m, local_map.origin_y_m),
+            factor * local_map.cell_m,
+        )
+
+
+def _likelihood_table(reach_cells: int, cell_m: float, sigma_m: float) -> NDArray[np.float64]:
+    """(256,): likelihood of a hit by squared distance in cells; 0 out of reach."""
+    distance2 = np.arange(256, dtype=np.float64)
+    table = np.exp(-0.5 * distance2 * (cell_m / sigma_m) ** 2)
+    table[reach_cells**2 + 1 :] = 0.0
+    return np.asarray(table)
