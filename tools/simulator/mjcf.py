@@ -121,7 +121,8 @@ def _wheel(name: str, car: CarParameters, x_m: float, side: int, friction: float
     )
     geom = (
         f'<geom name="wheel_{name}" type="ellipsoid" size="{r} {r} {car.wheel_width_m / 2}" '
-        f'euler="1.5707963267949 0 0" mass="{_WHEEL_KG}" friction="{friction} 0.005 0.0001" condim="3" priority="1" {_ROBOT}/>'
+        f'euler="1.5707963267949 0 0" mass="{_WHEEL_KG}" '
+        f'friction="{friction} 0.005 0.0001" condim="3" priority="1" {_ROBOT}/>'
     )
     place = f'pos="{x_m} {side * car.track_m / 2} 0"'
     if x_m == 0:
