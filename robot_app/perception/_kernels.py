@@ -99,18 +99,39 @@ def _outer_distance(
 
 
 @njit(nogil=True, cache=True)
+def _surface_slope(z: F32, i: int, j: int, di: int, dj: int, slack_m: float) -> float:
+    """Change of inverse depth with a cell towards (di, dj), over up to four cells of the surface behind (i, j)."""
+    q = 1.0 / z[i, j]
+    slope = q - 1.0 / z[i - di, j - dj]
+    for back in range(2, 5):
+        k, m = i - di * back, j - dj * back
+        if k < 0 or m < 0 or k >= z.shape[0] or m >= z.shape[1] or z[k, m] == 0.0:
+            break
+        if abs(z[k, m] * (q - slope * back) - 1.0) * z[k, m] > slack_m:
+            break
+        slope = (q - 1.0 / z[k, m]) / back
+    return slope
+
+
+@njit(nogil=True, cache=True)
 def _last_of_surface(
     depth: U16, unit_m: float, i: int, j: int, di: int, dj: int, steps: int, q: float, slope: float, tolerance: float
 ) -> int:
-    """How many pixels the surface goes on from pixel (i, j); a plane's inverse depth is linear in the image."""
+    """How many pixels the surface goes on from pixel (i, j); a plane's inverse depth is linear in the image.
+
+    One pixel that is off is noise, two are the end.
+    """
+    last = 0
     for step in range(1, steps + 1):
         k, m = i + di * step, j + dj * step
         if k < 0 or m < 0 or k >= depth.shape[0] or m >= depth.shape[1]:
-            return step - 1
+            break
         value_m = depth[k, m] * unit_m
-        if value_m <= 0.0 or abs(value_m * (q + slope * step) - 1.0) * value_m > tolerance:
-            return step - 1
-    return steps
+        if value_m > 0.0 and abs(value_m * (q + slope * step) - 1.0) * value_m <= tolerance:
+            last = step
+        elif step > last + 1:
+            break
+    return last
 
 
 @njit(nogil=True, cache=True)
@@ -181,7 +202,7 @@ def find_occluding(
                 if outer == OPEN and z0 < near_m:
                     continue
                 q = 1.0 / z0
-                slope = (q - 1.0 / z[kb, mb]) / stride
+                slope = _surface_slope(z, i, j, di, dj, inner) / stride
                 row, column = half + i * stride, half + j * stride
                 steps = _last_of_surface(
                     depth, unit_m, row, column, di, dj, 3 * stride, q, slope, max(0.5 * inner, 1.5 * width)
@@ -249,10 +270,11 @@ def find_contact(
 
 
 @njit(nogil=True, cache=True)
-def corner_scores(edge_m: F32, edge_at: I32, count: int, cell_width: float, score: F32) -> None:
-    """`score`: (E,) 0 in the middle of a straight edge, about 0.5 and more at its corners and ends.
+def corner_scores(edge_m: F32, edge_at: I32, cell_width: float, score: F32, smooth_m: F32) -> None:
+    """`score`: (E,) 0 in the middle of a straight edge, 0.7 at a right angle, 1 at its end.
 
     It is how far the centre of the neighbouring edge points lies off, as a share of their mean distance.
+    `smooth_m`: (E, 3) that centre for points in the middle, which has less noise; the point itself for corners.
     """
     rows, columns = edge_at.shape
     reach = 4
@@ -274,73 +296,45 @@ def corner_scores(edge_m: F32, edge_at: I32, count: int, cell_width: float, scor
                     if square < limit:
                         sx, sy, sz, total, n = sx + dx, sy + dy, sz + dz, total + math.sqrt(square), n + 1
             score[index] = math.sqrt(sx * sx + sy * sy + sz * sz) / total if n >= 3 and total > 0.0 else 0.0
+            share = 1.0 / (n + 1) if score[index] < 0.35 else 0.0
+            smooth_m[index, 0] = x + sx * share
+            smooth_m[index, 1] = y + sy * share
+            smooth_m[index, 2] = z + sz * share
 
 
 @njit(nogil=True, cache=True)
 def choose_samples(
-    edge_m: F32, edge_at: I32, rank: F32, score: F32, share_per_m: float, limit: int, sample_m: F32, sample_score: F32
+    edge_at: I32,
+    rank: F32,
+    smooth_m: F32,
+    score: F32,
+    share_per_m: float,
+    limit: int,
+    sample_m: F32,
+    sample_score: F32,
 ) -> int:
-    """The sample nodes A: edge points, thinned to equal spacing along the edges; returns how many.
+    """The sample nodes A: edge points, thinned to equal spacing along the edges except at corners; returns how many.
 
     `rank`: (R, C) a fixed number in [0, 1) for each cell: which points go does not depend on other points' noise.
     `share_per_m`: the share of points to keep at 1 m depth.
     """
+    corner = 0.5
     kept = 0.0
     for i in range(edge_at.shape[0]):
         for j in range(edge_at.shape[1]):
-            if edge_at[i, j] >= 0:
-                kept += min(1.0, share_per_m * edge_m[edge_at[i, j], 2])
+            index = edge_at[i, j]
+            if index >= 0:
+                kept += 1.0 if score[index] > corner else min(1.0, share_per_m * smooth_m[index, 2])
     squeeze = min(1.0, 0.95 * limit / max(kept, 1.0))
     count = 0
     for i in range(edge_at.shape[0]):
         for j in range(edge_at.shape[1]):
             index = edge_at[i, j]
-            if index < 0 or count >= limit or rank[i, j] >= squeeze * min(1.0, share_per_m * edge_m[index, 2]):
+            if index < 0 or count >= limit:
                 continue
-            sample_m[count] = edge_m[index]
-            sample_score[count] = score[index]
-            count += 1
+            share = 1.0 if score[index] > corner else min(1.0, share_per_m * smooth_m[index, 2])
+            if rank[i, j] < squeeze * share:
+                sample_m[count] = smooth_m[index]
+                sample_score[count] = score[index]
+                count += 1
     return count
-
-
-@njit(nogil=True, cache=True)
-def near_edge(x: float, y: float, z: float, lens: F64, stride: int, reach_m: float, edge_m: F32, edge_at: I32) -> bool:
-    """Whether an edge point lies within `reach_m` of a point on each axis; looks in the cells around its image."""
-    rows, columns = edge_at.shape
-    if z < 0.05:
-        return False
-    ci = int(math.floor((y / z * lens[1] + lens[3]) / stride))
-    cj = int(math.floor((x / z * lens[0] + lens[2]) / stride))
-    ri = min(int(reach_m * lens[1] / (z * stride)) + 1, 16)
-    rj = min(int(reach_m * lens[0] / (z * stride)) + 1, 16)
-    for ring in range(max(ri, rj) + 1):
-        for k in range(max(ci - min(ring, ri), 0), min(ci + min(ring, ri) + 1, rows)):
-            whole = ring <= ri and abs(k - ci) == ring
-            step = 1 if whole or ring == 0 else 2 * ring
-            for m in range(cj - ring, cj + ring + 1, step):
-                if m < 0 or m >= columns or abs(m - cj) > rj:
-                    continue
-                index = edge_at[k, m]
-                if (
-                    index >= 0
-                    and abs(edge_m[index, 0] - x) <= reach_m
-                    and abs(edge_m[index, 1] - y) <= reach_m
-                    and abs(edge_m[index, 2] - z) <= reach_m
-                ):
-                    return True
-    return False
-
-
-@njit(nogil=True, cache=True)
-def is_supported(
-    node_m: F32, a: int, b: int, lens: F64, stride: int, reach_m: float, step_m: float, edge_m: F32, edge_at: I32
-) -> bool:
-    """Whether edge points lie all along a connection (eqs 31-33, which look at its middle alone)."""
-    dx, dy, dz = node_m[b, 0] - node_m[a, 0], node_m[b, 1] - node_m[a, 1], node_m[b, 2] - node_m[a, 2]
-    parts = max(2, int(math.ceil(math.sqrt(dx * dx + dy * dy + dz * dz) / step_m)))
-    for part in range(1, parts):
-        t = part / parts
-        x, y, z = node_m[a, 0] + t * dx, node_m[a, 1] + t * dy, node_m[a, 2] + t * dz
-        if not near_edge(x, y, z, lens, stride, reach_m, edge_m, edge_at):
-            return False
-    return True

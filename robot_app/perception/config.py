@@ -47,7 +47,7 @@ class LearningConfig:
     min_length_m: tuple[float, float, float] = (0.225, 0.150, 0.100)  # γ, by phase
     max_length_m: tuple[float, float, float] = (0.300, 0.225, 0.175)  # δ, by phase
     samples_per_node: tuple[float, float, float] = (10.0, 8.0, 6.0)  # σ, by phase
-    corner_gain: float = 1.0  # by how much a corner or an end of an edge is preferred to its middle
+    corner_gain: float = 4.0  # by how much a corner or an end of an edge is preferred to its middle
     max_nodes: int = 200  # bounds time and memory; the paper's networks have 145 to 158 before refinement
 
     def __post_init__(self) -> None:
@@ -67,7 +67,7 @@ class RefineConfig:
     ground_rise_m: float = 0.035  # g_y, vertical
     ground_band_m: float = 0.150  # only nodes lower than this can be ground: a table top is no floor
     straight_angle_rad: float = 2.7925  # 160°
-    straight_offset_m: float = 0.025  # and a node is only removed when it lies so near the connection that replaces it
+    straight_offset_m: float = 0.015  # and a node is only removed when it lies so near the connection that replaces it
     eta_angle_per_deg: float = 0.01  # η1
     eta_distance_per_m: float = -0.95  # η2
     loop_reach_m: float = 0.35  # how far an open end looks for its partner

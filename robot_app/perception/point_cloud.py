@@ -26,7 +26,7 @@ class EdgeCloud:
 
     `points`: how many points of the decimated image are in range. `edge_m`: (E, 3) float32 of which the first
     `edges` count; `edge_at`: (R, C) int32, the edge point in each cell of `stride` pixels, -1 for none.
-    `sample_m`, `sample_score`: the sample nodes A of step 1 and how much each is a corner, of which the first `samples` count.
+    `sample_m`, `sample_score`: the sample nodes A of step 1 and how much each is a corner; the first `samples` count.
     `up`: (4,), a point's height over the floor is `up[:3] @ point + up[3]`. `lens`: fx, fy, cx, cy.
     """
 
@@ -47,6 +47,7 @@ class EdgeCloud:
         self.sample_m = np.zeros((config.max_samples, 3), np.float32)
         self.sample_score = np.zeros(config.max_samples, np.float32)
         self._score = np.zeros(rows * columns, np.float32)
+        self._smooth_m = np.zeros((rows * columns, 3), np.float32)
         self._floor = np.zeros((rows, columns), np.uint8)
         self._open_rows = np.zeros(columns, np.int32)
         self._rank = rng.random((rows, columns), np.float32)
@@ -117,11 +118,11 @@ class EdgeCloud:
 
     def _choose_samples(self) -> None:
         config = self._config
-        kernels.corner_scores(self.edge_m, self.edge_at, self.edges, self.cell_width, self._score)
+        kernels.corner_scores(self.edge_m, self.edge_at, self.cell_width, self._score, self._smooth_m)
         self.samples = kernels.choose_samples(
-            self.edge_m,
             self.edge_at,
             self._rank,
+            self._smooth_m,
             self._score,
             self.cell_width / config.sample_spacing_m,
             config.max_samples,

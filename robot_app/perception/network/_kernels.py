@@ -1,4 +1,7 @@
-"""Kernels on the network: growing it (steps 2-7) and refining it (sections 3.2.1-3.2.5); see `perception._kernels`.
+"""Kernels on the network: growing it (steps 2-7) and refining it (sections 3.2.1-3.2.5).
+
+They are in one file because numba's cache does not see a change in a kernel of another file. Shared arguments are
+those of `perception._kernels`, and
 
 node_m: (N, 3) float32, optical frame. linked: (N, N) uint8, symmetric, 1 where two nodes are connected.
 Both have room for `max_nodes`; the first `nodes` are in use.
@@ -12,8 +15,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from robot_app.perception._kernels import is_supported
-
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -24,6 +25,53 @@ U8 = NDArray[np.uint8]
 def _distance(a_m: F32, a: int, b_m: F32, b: int) -> float:
     dx, dy, dz = a_m[a, 0] - b_m[b, 0], a_m[a, 1] - b_m[b, 1], a_m[a, 2] - b_m[b, 2]
     return math.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@njit(nogil=True, cache=True)
+def near_edge(x: float, y: float, z: float, lens: F64, stride: int, reach_m: float, edge_m: F32, edge_at: I32) -> bool:
+    """Whether an edge point lies within `reach_m` of a point on each axis; looks in the cells around its image.
+
+    Across the line of sight the reach is no more than 2.5 cells: there the camera is as good as its pixels.
+    """
+    rows, columns = edge_at.shape
+    if z < 0.05:
+        return False
+    side_m = min(reach_m, 2.5 * stride * z / min(lens[0], lens[1]))
+    ci = math.floor((y / z * lens[1] + lens[3]) / stride)
+    cj = math.floor((x / z * lens[0] + lens[2]) / stride)
+    ri = min(int(side_m * lens[1] / (z * stride)) + 1, 16)
+    rj = min(int(side_m * lens[0] / (z * stride)) + 1, 16)
+    for ring in range(max(ri, rj) + 1):
+        for k in range(max(ci - min(ring, ri), 0), min(ci + min(ring, ri) + 1, rows)):
+            whole = ring <= ri and abs(k - ci) == ring
+            step = 1 if whole or ring == 0 else 2 * ring
+            for m in range(cj - ring, cj + ring + 1, step):
+                if m < 0 or m >= columns or abs(m - cj) > rj:
+                    continue
+                index = edge_at[k, m]
+                if (
+                    index >= 0
+                    and abs(edge_m[index, 0] - x) <= side_m
+                    and abs(edge_m[index, 1] - y) <= side_m
+                    and abs(edge_m[index, 2] - z) <= reach_m
+                ):
+                    return True
+    return False
+
+
+@njit(nogil=True, cache=True)
+def is_supported(
+    node_m: F32, a: int, b: int, lens: F64, stride: int, reach_m: float, step_m: float, edge_m: F32, edge_at: I32
+) -> bool:
+    """Whether edge points lie all along a connection (eqs 31-33, which look at its middle alone)."""
+    dx, dy, dz = node_m[b, 0] - node_m[a, 0], node_m[b, 1] - node_m[a, 1], node_m[b, 2] - node_m[a, 2]
+    parts = max(2, math.ceil(math.sqrt(dx * dx + dy * dy + dz * dz) / step_m))
+    for part in range(1, parts):
+        t = part / parts
+        x, y, z = node_m[a, 0] + t * dx, node_m[a, 1] + t * dy, node_m[a, 2] + t * dz
+        if not near_edge(x, y, z, lens, stride, reach_m, edge_m, edge_at):
+            return False
+    return True
 
 
 @njit(nogil=True, cache=True)
@@ -163,7 +211,7 @@ def grow(
             nearest_m[i], nearest[i], second_m[i], second[i], seen_m[i] = 1e9, -1, 1e9, -1, -1.0
         for node in range(nodes):
             _note_node(sample_m, samples, node_m, node, nearest_m, nearest, second_m, second)
-        for _ in range(int(math.ceil(samples / per_node[phase])) + (2 if phase == 0 else 0)):
+        for _ in range(math.ceil(samples / per_node[phase]) + (2 if phase == 0 else 0)):
             if nodes == node_m.shape[0]:
                 break
             v = _best_sample(
@@ -196,9 +244,12 @@ def grow(
                     _set_link(linked, s2, r, 1)
                 if linked[s1, r] == 1 and linked[s2, r] == 1:
                     _set_link(linked, s1, s2, 0)
-            elif linked[s1, s2] == 0 and ds12 <= max_length_m[0]:
-                if is_supported(node_m, s1, s2, lens, stride, reach_m, step_m, edge_m, edge_at):
-                    _set_link(linked, s1, s2, 1)
+            elif (
+                linked[s1, s2] == 0
+                and ds12 <= max_length_m[0]
+                and is_supported(node_m, s1, s2, lens, stride, reach_m, step_m, edge_m, edge_at)
+            ):
+                _set_link(linked, s1, s2, 1)
         limit_degree(node_m, linked, nodes, 2)
         nodes = remove_isolated(node_m, linked, nodes)
     return nodes
@@ -372,9 +423,12 @@ def close_loops(
             angle = angle_at(node_m, a, v, k)
             value = eta_angle_per_rad * angle + eta_distance_per_m * distance
             # Under 45° the new connection would run back along the one that is there.
-            if angle > 0.785 and value > best_value:
-                if is_supported(node_m, v, k, lens, stride, reach_m, step_m, edge_m, edge_at):
-                    best, best_value = k, value
+            if (
+                angle > 0.785
+                and value > best_value
+                and is_supported(node_m, v, k, lens, stride, reach_m, step_m, edge_m, edge_at)
+            ):
+                best, best_value = k, value
         if best >= 0:
             _set_link(linked, v, best, 1)
 
