@@ -131,7 +131,7 @@ class Odometry:
             return 0.0, 0.0
         elapsed_s = min(max(imu.stamp_s - last_s, 0.0), 0.1)  # after a gap the old rate says nothing
         raw_radps = imu.gyro_radps[2]
-        if self._last_count is not None and imu.stamp_s - self._last_tick_s > self._config.standing_s:
+        if self._last_count is not None and self._last_count.stamp_s - self._last_tick_s > self._config.standing_s:
             self._learn_bias(raw_radps, elapsed_s)
             return 0.0, 0.0
         rate = raw_radps - self._bias_radps

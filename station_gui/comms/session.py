@@ -18,7 +18,7 @@ from shared.messages import Ack, Command, EmergencyStop, Heartbeat, NumberedComm
 from shared.protocol.codec import Decoder, encode
 from shared.protocol.wire import VERSION
 from shared.runtime.clock import Clock
-from station_gui.model.view import LinkState, Severity
+from station_gui.comms.state import LinkState, Severity
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,27 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shared.messages import Hello, Observation, Telemetry
+from station_gui.comms.state import LinkState as LinkState
+from station_gui.comms.state import Severity as Severity
 from station_gui.mapping.snapshot import MapSnapshot
-
-
-class LinkState(IntEnum):
-    DISCONNECTED = 0
-    CONNECTING = 1
-    CONNECTED = 2
-    LOST = 3  # was connected; the session tries again by itself
-
-
-class Severity(IntEnum):
-    INFO = 0
-    WARNING = 1
-    ERROR = 2
 
 
 @dataclass(frozen=True, slots=True)

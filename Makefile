@@ -1,0 +1,39 @@
+# Two commands: `make demo` and `make test`. Both set up what they need first.
+PYTHON ?= python3
+VENV   := .venv
+READY  := $(VENV)/.ready
+
+.PHONY: help setup demo test lint lock clean
+
+help:
+	@echo "make demo            the whole mission on the simulated robot, in the operator's window"
+	@echo "make demo HEADLESS=1 the same by itself without a display; pictures in out/demo"
+	@echo "make test            set up, check the style, the types and the architecture, run all tests"
+	@echo "make setup           make $(VENV) and install everything into it"
+	@echo "make lock            find new versions and write requirements/workstation.lock (needs uv)"
+	@echo "make clean           remove $(VENV) and out/"
+
+setup: $(READY)
+
+$(READY): tools/setup/install.sh tools/setup/system-packages.txt requirements/workstation.lock pyproject.toml
+	@PYTHON="$(PYTHON)" VENV="$(VENV)" sh tools/setup/install.sh
+
+demo: $(READY)
+	@HEADLESS="$(HEADLESS)" $(VENV)/bin/python -m tools.demo
+
+lint: $(READY)
+	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/mypy
+	$(VENV)/bin/lint-imports
+
+test: lint
+	$(VENV)/bin/python -m pytest
+
+lock:
+	uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links \
+	    --no-annotate --no-header --upgrade --extra station --extra simulator --extra dev pyproject.toml \
+	    -o requirements/workstation.lock
+
+clean:
+	rm -rf $(VENV) out

@@ -1,0 +1,169 @@
+"""The contract of a link, run on every kind."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+from collections.abc import Iterator
+
+import pytest
+
+from shared.link.base import Link, LinkError
+from shared.link.loopback import loopback_pair
+from shared.link.tcp import TcpClientLink, TcpServerLink
+from shared.runtime.clock import ManualClock
+
+Ends = tuple[Link, Link]
+
+
+@pytest.fixture(params=["loopback", "tcp"])
+def ends(request: pytest.FixtureRequest) -> Iterator[Ends]:
+    robot: Link
+    station: Link
+    if request.param == "loopback":
+        robot, station = loopback_pair()
+    else:
+        robot = TcpServerLink("127.0.0.1", 0, ManualClock())
+        station = TcpClientLink("127.0.0.1", robot.port, 2.0)
+        robot.receive(1.0)  # takes the connection
+    yield robot, station
+    robot.close()
+    station.close()
+
+
+def test_datagrams_arrive_whole_and_in_order(ends: Ends) -> None:
+    robot, station = ends
+    sent = [bytes([i]) * (i + 1) for i in range(50)]
+    for datagram in sent:
+        assert robot.send(datagram)
+    assert [station.receive(1.0) for _ in sent] == sent
+
+
+def test_both_directions_work_at_once(ends: Ends) -> None:
+    robot, station = ends
+    assert robot.send(b"there")
+    assert station.send(b"back")
+    assert station.receive(1.0) == b"there"
+    assert robot.receive(1.0) == b"back"
+
+
+def test_a_link_without_news_returns_nothing_after_its_time_out(ends: Ends) -> None:
+    assert ends[1].receive(0.01) is None
+
+
+def test_a_peer_that_does_not_read_makes_send_say_no(ends: Ends) -> None:
+    robot, _ = ends
+    assert any(not robot.send(bytes(60_000)) for _ in range(1000))
+
+
+def test_an_oversized_datagram_is_refused(ends: Ends) -> None:
+    with pytest.raises(ValueError, match="65001"):
+        ends[1].send(bytes(65_001))
+
+
+def test_the_statistics_count_both_directions(ends: Ends) -> None:
+    robot, station = ends
+    robot.send(b"abc")
+    station.receive(1.0)
+    assert robot.statistics.sent_datagrams == station.statistics.received_datagrams == 1
+    assert robot.statistics.sent_bytes == station.statistics.received_bytes >= 3
+
+
+def test_a_closed_link_raises_and_may_be_closed_again(ends: Ends) -> None:
+    station = ends[1]
+    station.close()
+    station.close()
+    with pytest.raises(LinkError):
+        station.receive(0.0)
+    with pytest.raises(LinkError):
+        station.send(b"x")
+
+
+def test_the_station_notices_that_the_robot_is_gone(ends: Ends) -> None:
+    robot, station = ends
+    robot.close()
+    with pytest.raises(LinkError):
+        for _ in range(20):
+            station.receive(0.1)
+
+
+@pytest.fixture
+def clock() -> ManualClock:
+    return ManualClock()
+
+
+@pytest.fixture
+def server(clock: ManualClock) -> Iterator[TcpServerLink]:
+    link = TcpServerLink("127.0.0.1", 0, clock)
+    yield link
+    link.close()
+
+
+def test_a_refused_connection_names_the_address() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as unused:
+        port = unused.getsockname()[1]
+    with pytest.raises(LinkError, match=rf"127\.0\.0\.1:{port}: connection refused"):
+        TcpClientLink("127.0.0.1", port, 0.5)
+
+
+def test_a_port_that_is_no_port_is_named() -> None:
+    with pytest.raises(LinkError, match="70000"):
+        TcpClientLink("127.0.0.1", 70_000, 0.5)
+
+
+def test_a_port_in_use_is_named(server: TcpServerLink) -> None:
+    with pytest.raises(LinkError, match=f"cannot listen on 127.0.0.1:{server.port}"):
+        TcpServerLink("127.0.0.1", server.port, ManualClock())
+
+
+def test_a_robot_without_a_station_drops_what_it_sends(server: TcpServerLink) -> None:
+    assert not server.send(b"nobody")
+    assert not server.connected
+
+
+def test_the_next_station_is_served_when_the_first_has_gone(server: TcpServerLink) -> None:
+    first = TcpClientLink("127.0.0.1", server.port, 2.0)
+    server.receive(1.0)
+    first.close()
+    server.receive(1.0)
+    second = TcpClientLink("127.0.0.1", server.port, 2.0)
+    server.receive(1.0)
+    assert server.send(b"hello")
+    assert second.receive(1.0) == b"hello"
+    second.close()
+
+
+def test_a_second_station_is_turned_away_while_the_first_one_talks(server: TcpServerLink) -> None:
+    first = TcpClientLink("127.0.0.1", server.port, 2.0)
+    server.receive(1.0)
+    second = TcpClientLink("127.0.0.1", server.port, 2.0)
+    server.receive(0.2)
+    with pytest.raises(LinkError):
+        for _ in range(20):
+            second.receive(0.1)
+    assert server.send(b"still yours")
+    assert first.receive(1.0) == b"still yours"
+    first.close()
+    second.close()
+
+
+def test_a_silent_station_gives_way_to_a_new_one(server: TcpServerLink, clock: ManualClock) -> None:
+    silent = TcpClientLink("127.0.0.1", server.port, 2.0)
+    server.receive(1.0)
+    clock.advance(2.0)
+    new = TcpClientLink("127.0.0.1", server.port, 2.0)
+    server.receive(1.0)
+    assert server.send(b"hello")
+    assert new.receive(1.0) == b"hello"
+    silent.close()
+    new.close()
+
+
+def test_foreign_bytes_are_dropped_and_counted(server: TcpServerLink) -> None:
+    with socket.create_connection(("127.0.0.1", server.port), 2.0) as stranger:
+        server.receive(1.0)
+        stranger.sendall(b"GET / HTTP/1.1\r\n\r\n")
+        assert server.receive(1.0) is None
+        assert server.statistics.dropped_bytes > 0
+    with contextlib.suppress(LinkError):
+        server.receive(0.0)
