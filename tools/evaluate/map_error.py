@@ -90,8 +90,8 @@ def _icp_step(
     jacobian = np.column_stack((normal, turning))
     weight = 1 / (1 + np.square(distance_m / scale_m))
     information = jacobian.T @ (jacobian * weight[:, None]) + 1e-9 * np.eye(3)
-    step: NDArray[np.float64] = -np.linalg.solve(information, jacobian.T @ (weight * distance_m))
-    return step
+    step = np.linalg.solve(information, -jacobian.T @ (weight * distance_m))
+    return np.asarray(step, dtype=np.float64)
 
 
 def surface_samples(truth: TrueSurfaces) -> SurfaceSamples:
@@ -130,7 +130,8 @@ def standing_places_m(truth: TrueSurfaces) -> NDArray[np.float64]:
     column, row = ((np.array([truth.start.x_m, truth.start.y_m]) - low) / _STAND_CELL_M).astype(int)
     if not free[row, column]:
         raise ValueError("the start pose leaves no room for the robot")
-    return centres_m[(label == label[row, column]).ravel()]
+    places_m: NDArray[np.float64] = centres_m[(label == label[row, column]).ravel()]
+    return places_m
 
 
 def pose_error(estimated: NDArray[np.float64], truth: NDArray[np.float64]) -> float:

@@ -1,4 +1,4 @@
-"""From a depth buffer to what a depth camera reports, one pass over the pixels."""
+"""The sensors' inner loops: beams of a sweep, pixels of a depth image."""
 
 from __future__ import annotations
 
@@ -9,6 +9,50 @@ from numba import njit
 from numpy.typing import NDArray
 
 _F32 = NDArray[np.float32]
+_F64 = NDArray[np.float64]
+
+
+@njit(nogil=True, cache=True)
+def beam_directions(angles: _F64, late_s: _F64, yaw_rate: float, rotation: _F64, directions: _F64) -> None:
+    """Fill `directions` (B, 3): beams at `angles` (B,) of a scanner that was `rotation` (9,) `late_s` (B,) ago."""
+    for i in range(angles.shape[0]):
+        c = math.cos(angles[i] + yaw_rate * late_s[i])
+        s = math.sin(angles[i] + yaw_rate * late_s[i])
+        for axis in range(3):
+            directions[i, axis] = c * rotation[3 * axis] + s * rotation[3 * axis + 1]
+
+
+@njit(nogil=True, cache=True)
+def echoes(
+    directions: _F64,
+    normals: _F64,
+    hit_m: _F64,
+    geom: NDArray[np.int32],
+    reflectivity_of_geom: _F64,
+    nothing_m: float,
+    range_m: _F64,
+    signal: _F64,
+) -> None:
+    """Range (B,) and signal (B,), reflectivity times the cosine of the incidence; `nothing_m` and 0 for a miss."""
+    for i in range(geom.shape[0]):
+        if geom[i] < 0:
+            range_m[i] = nothing_m
+            signal[i] = 0.0
+            continue
+        cosine = 0.0
+        for axis in range(3):
+            cosine += directions[i, axis] * normals[i, axis]
+        range_m[i] = hit_m[i]
+        signal[i] = reflectivity_of_geom[geom[i]] * abs(cosine)
+
+
+@njit(nogil=True, cache=True)
+def any_pair(pairs: NDArray[np.int32], kind: NDArray[np.int64], wanted: int) -> bool:
+    """Whether the kinds of any of the `pairs` (N, 2) add up to `wanted`."""
+    found = False
+    for i in range(pairs.shape[0]):
+        found |= kind[pairs[i, 0]] + kind[pairs[i, 1]] == wanted
+    return found
 
 
 @njit(nogil=True, cache=True)
@@ -20,24 +64,24 @@ def _mixed(value: np.uint64) -> np.uint64:
 
 
 @njit(nogil=True, cache=True)
-def metric_depth(buffer: _F32, near_m: float, far_m: float, depth_m: _F32) -> None:
-    """Distances along the axis from a reversed, zero-to-one depth buffer whose first row is the lowest.
+def inverse_depth(buffer: _F32, near_m: float, far_m: float, inverse: _F32) -> None:
+    """Inverse distances along the axis from a reversed, zero-to-one depth buffer whose first row is the lowest.
 
-    `buffer`, `depth_m`: (H, W); 0 where nothing was hit before `far_m`.
+    `buffer`, `inverse`: (H, W); 0 where nothing was hit before `far_m`.
     """
     height, width = buffer.shape
-    scale = far_m * near_m / (far_m - near_m)
-    offset = near_m / (far_m - near_m)
+    factor = (far_m - near_m) / (far_m * near_m)
+    offset = 1.0 / far_m
     for row in range(height):
         source = height - 1 - row
         for column in range(width):
             value = buffer[source, column]
-            depth_m[row, column] = np.float32(scale / (value + offset)) if value > 0.0 else np.float32(0.0)
+            inverse[row, column] = np.float32(value * factor + offset) if value > 0.0 else np.float32(0.0)
 
 
 @njit(nogil=True, cache=True)
 def noisy_depth(
-    depth_m: _F32,
+    inverse: _F32,
     column_slope: _F32,
     row_slope: _F32,
     key: np.uint64,
@@ -51,80 +95,75 @@ def noisy_depth(
     edge_fraction: float,
     edge_lost: float,
     edge_flying: float,
-    reflectivity: float,
-    min_signal: float,
+    weak_signal: float,
     above: _F32,
     out: NDArray[np.uint16],
 ) -> None:
-    """What the camera reports for the true depths (H, W), 0 where there is nothing.
+    """What the camera reports for the true inverse depths (H, W), 0 where there is nothing.
 
-    The noise of a pixel shares a part with those on its left and above. The incidence follows from the inverse
-    depth, which is linear over a plane: 1/z = (n · (x/z, y/z, 1)) / d. Echoes below twice `min_signal` get lost.
+    The noise of a pixel shares a part with those on its left and above. Inverse depth is linear over a plane,
+    1/z = (n · (x/z, y/z, 1)) / d: its slopes give the incidence, its bends the edges. Echoes whose cosine over
+    squared range is below `weak_signal` begin to get lost, at half of it all are.
     `key` selects the frame's random numbers; `above`: (W,) scratch.
     """
-    height, width = depth_m.shape
+    height, width = inverse.shape
     share = math.sqrt(max(0.0, 1.0 - 2.0 * correlation * correlation))
-    dx = column_slope[1] - column_slope[0]
-    dy = row_slope[1] - row_slope[0]
+    per_column = 1.0 / (column_slope[1] - column_slope[0])
+    per_row = 1.0 / (row_slope[1] - row_slope[0])
+    drop_below = np.uint64(dropout * 65536.0)
+    per_unit = 1.0 / unit_m
+    gauss_scale = math.sqrt(3.0) / 4096.0
     above[:] = np.float32(0.0)
     for row in range(height):
         left = 0.0
         y = row_slope[row]
-        other_row = row + 1 if row + 1 < height else row - 1
-        step_y = dy if row + 1 < height else -dy
+        row_before, row_after = max(row - 1, 0), min(row + 1, height - 1)
         for column in range(width):
             bits = _mixed(key + np.uint64(row * width + column + 1) * np.uint64(0x9E3779B97F4A7C15))
             # Irwin and Hall: the sum of four uniform numbers, of variance 1/3, is Gaussian to three sigma.
-            gauss = (
-                (bits & np.uint64(0xFFFF))
-                + ((bits >> np.uint64(16)) & np.uint64(0xFFFF))
-                + ((bits >> np.uint64(32)) & np.uint64(0xFFFF))
-                + (bits >> np.uint64(48))
-            ) * (1.0 / 65536.0) - 2.0
-            gauss *= 1.7320508
+            total = (
+                (bits & np.uint64(0xFFF))
+                + ((bits >> np.uint64(12)) & np.uint64(0xFFF))
+                + ((bits >> np.uint64(24)) & np.uint64(0xFFF))
+                + ((bits >> np.uint64(36)) & np.uint64(0xFFF))
+            )
+            gauss = (np.float64(total) - 8190.0) * gauss_scale
             noise = share * gauss + correlation * (left + above[column])
             left = gauss
             above[column] = np.float32(gauss)
             out[row, column] = 0
-            z = depth_m[row, column]
-            if z <= 0.0:
+            w = inverse[row, column]
+            if w <= 0.0 or (bits >> np.uint64(48)) < drop_below:
                 continue
-            other_column = column + 1 if column + 1 < width else column - 1
-            step_x = dx if column + 1 < width else -dx
-            z_side = depth_m[row, other_column]
-            z_below = depth_m[other_row, column]
-            chance = _mixed(bits)
-            u1 = (chance & np.uint64(0xFFFFF)) * (1.0 / 1048576.0)
-            u2 = ((chance >> np.uint64(20)) & np.uint64(0xFFFFF)) * (1.0 / 1048576.0)
-            u3 = ((chance >> np.uint64(40)) & np.uint64(0xFFFFF)) * (1.0 / 1048576.0)
-            partner = z_side if abs(z_side - z) > abs(z_below - z) else z_below
-            x = column_slope[column]
-            w = 1.0 / z
-            ray2 = 1.0 + x * x + y * y
-            at_edge = abs(partner - z) > edge_fraction * z
-            if at_edge:
-                # A plane seen at a slant changes as fast as an edge, but its inverse depth goes on evenly.
-                before_column = max(0, min(width - 1, 2 * column - other_column))
-                before_row = max(0, min(height - 1, 2 * row - other_row))
-                z_before = depth_m[row, before_column] if partner == z_side else depth_m[before_row, column]
-                if partner > 0.0 and z_before > 0.0:
-                    even = 2.0 * w - 1.0 / z_before
-                    at_edge = abs(even * partner - 1.0) > edge_fraction
-            if at_edge:
-                if u1 < edge_lost:
+            w_left, w_right = inverse[row, max(column - 1, 0)], inverse[row, min(column + 1, width - 1)]
+            w_up, w_down = inverse[row_before, column], inverse[row_after, column]
+            bend = max(abs(w_left + w_right - 2.0 * w), abs(w_up + w_down - 2.0 * w))
+            z = 1.0 / w
+            if bend > edge_fraction * w and 0 < row < height - 1 and 0 < column < width - 1:
+                chance = _mixed(bits)
+                lot = (chance & np.uint64(0xFFFFF)) * (1.0 / 1048576.0)
+                if lot < edge_lost:
                     continue
-                if u1 > 1.0 - edge_flying and partner > 0.0:
-                    z += np.float32(u2) * (partner - z)
-            elif z_side > 0.0 and z_below > 0.0:
-                gx = (1.0 / z_side - w) / step_x
-                gy = (1.0 / z_below - w) / step_y
-                gz = w - x * gx - y * gy
-                cosine = w / math.sqrt((gx * gx + gy * gy + gz * gz) * ray2)
-                signal = reflectivity * min(1.0, cosine) / (z * z * ray2)
-                if u3 < 2.0 - signal / min_signal:
-                    continue
-            if u2 < dropout:
-                continue
+                if lot > 1.0 - edge_flying:
+                    partner = w_left
+                    for other in (w_right, w_up, w_down):
+                        if abs(other - w) > abs(partner - w):
+                            partner = other
+                    if partner > 0.0:
+                        z += ((chance >> np.uint64(20)) & np.uint64(0xFFFFF)) * (1.0 / 1048576.0) * (1.0 / partner - z)
+            else:
+                gx = 0.5 * (w_right - w_left) * per_column
+                gy = 0.5 * (w_down - w_up) * per_row
+                gz = w - column_slope[column] * gx - y * gy
+                ray2 = 1.0 + column_slope[column] * column_slope[column] + y * y
+                # cosine = w / (|g| |ray|) and range = |ray| / w, compared in squares to save the roots
+                needed = weak_signal * ray2 * z * z
+                slant2 = (gx * gx + gy * gy + gz * gz) * ray2
+                if w * w < needed * needed * slant2:
+                    strength = w / (needed * math.sqrt(slant2))  # below 1; lost for sure at a half
+                    lot = (_mixed(bits) & np.uint64(0xFFFFF)) * (1.0 / 1048576.0)
+                    if lot < 2.0 - 2.0 * strength:
+                        continue
             measured = z + noise * (sigma_1m_m + sigma_slope * (z - 1.0))
             if range_min_m <= measured <= range_max_m:
-                out[row, column] = np.uint16(measured / unit_m + 0.5)
+                out[row, column] = np.uint16(measured * per_unit + 0.5)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tools.simulator._kernels import any_pair
 from tools.simulator.engine import mujoco
 from tools.simulator.mjcf import ROBOT_GROUP
 
@@ -39,12 +40,11 @@ class CollisionCounter:
         if data.ncon == 0:
             return
         pairs = data.contact.geom
-        kinds = self._kind[pairs]
-        touching = kinds.sum(axis=1) == _ROBOT + _SOLID
-        if touching.any():
-            for pair, kind in zip(pairs[touching], kinds[touching], strict=True):
-                robot_first = kind[0] == _ROBOT
-                part, thing = (int(pair[0]), int(pair[1])) if robot_first else (int(pair[1]), int(pair[0]))
+        if not any_pair(pairs, self._kind, _ROBOT + _SOLID):
+            return
+        for first, second in pairs.tolist():
+            if self._kind[first] + self._kind[second] == _ROBOT + _SOLID:
+                part, thing = (first, second) if self._kind[first] == _ROBOT else (second, first)
                 self._touched(part, thing, time_s)
 
     def _touched(self, part: int, thing: int, time_s: float) -> None:

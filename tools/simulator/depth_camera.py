@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from robot_app.drivers.base import DepthImage
 from shared.geometry.camera import CameraMount, Intrinsics
-from tools.simulator._kernels import metric_depth, noisy_depth
+from tools.simulator._kernels import inverse_depth, noisy_depth
 from tools.simulator.egl import EglContext
 from tools.simulator.engine import mujoco
 from tools.simulator.mailbox import Mailbox
@@ -87,8 +87,8 @@ class DepthRenderer:
             mujoco.mjr_setBuffer(_OFF_SCREEN, self._context)
             self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
 
-    def render(self, state: NDArray[np.float64], depth_m: NDArray[np.float32]) -> None:
-        """Fill `depth_m` (H, W) with true distances along the optical axis, 0 where there is nothing."""
+    def render(self, state: NDArray[np.float64], inverse_per_m: NDArray[np.float32]) -> None:
+        """Fill `inverse_per_m` (H, W): one over the true distance along the optical axis, 0 where there is nothing."""
         assert self._gl is not None, "closed"
         self._data.qpos[:] = state
         mujoco.mj_kinematics(self._model, self._data)
@@ -102,7 +102,7 @@ class DepthRenderer:
             mujoco.mjr_render(self._rect, self._scene, self._context)
             mujoco.mjr_readPixels(None, self._buffer, self._rect, self._context)
         near_m = self._model.vis.map.znear * self._model.stat.extent
-        metric_depth(self._buffer, near_m, CAMERA_FAR_M, depth_m)
+        inverse_depth(self._buffer, near_m, CAMERA_FAR_M, inverse_per_m)
 
     def close(self) -> None:
         if self._gl is not None:
@@ -123,15 +123,15 @@ class DepthSensor:
         self._above = np.empty(parameters.width, np.float32)
         self._sigma_slope = (parameters.sigma_at_9m_m - parameters.sigma_at_1m_m) / 8
 
-    def image(self, depth_m: NDArray[np.float32], index: int, stamp_s: float) -> DepthImage:
+    def image(self, inverse_per_m: NDArray[np.float32], index: int, stamp_s: float) -> DepthImage:
         """Frame `index` always has the same noise, whoever read the frames before it."""
         p = self._p
-        out = np.empty(depth_m.shape, np.uint16)
+        out = np.empty(inverse_per_m.shape, np.uint16)
         key = np.random.SeedSequence([self._seed, index]).generate_state(1, np.uint64)[0]
         noisy_depth(
-            depth_m, self._columns, self._rows, key, p.unit_m, p.range_min_m, p.range_max_m,
+            inverse_per_m, self._columns, self._rows, key, p.unit_m, p.range_min_m, p.range_max_m,
             p.sigma_at_1m_m, self._sigma_slope, p.neighbour_correlation, p.dropout,
-            p.edge_fraction, p.edge_lost, p.edge_flying, p.reflectivity, p.min_signal_per_m2, self._above, out,
+            p.edge_fraction, p.edge_lost, p.edge_flying, 2 * p.min_signal_per_m2 / p.reflectivity, self._above, out,
         )  # fmt: skip
         out.setflags(write=False)
         return DepthImage(stamp_s, out, p.unit_m)

@@ -85,7 +85,7 @@ class CameraDriver:
         parameters = world.scenario.camera
         self._renderer: DepthRenderer | None = DepthRenderer(world.model, parameters)
         self._sensor = DepthSensor(parameters, world.seed)
-        self._depth_m = np.empty((parameters.height, parameters.width), np.float32)
+        self._inverse_per_m = np.empty((parameters.height, parameters.width), np.float32)
         self._lock = threading.Lock()
 
     @property
@@ -99,8 +99,8 @@ class CameraDriver:
                 raise DeviceError("depth camera: is closed")
             if exposure is None:
                 return None
-            self._renderer.render(exposure.state, self._depth_m)
-            return self._sensor.image(self._depth_m, exposure.index, exposure.stamp_s)
+            self._renderer.render(exposure.state, self._inverse_per_m)
+            return self._sensor.image(self._inverse_per_m, exposure.index, exposure.stamp_s)
 
     def close(self) -> None:
         with self._lock:

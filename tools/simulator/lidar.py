@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from robot_app.drivers.base import RawScan
 from shared.geometry.se2 import Pose2
 from shared.messages import ScanGeometry
+from tools.simulator._kernels import beam_directions, echoes
 from tools.simulator.engine import mujoco
 from tools.simulator.mailbox import Mailbox
 from tools.simulator.mjcf import STEP_S
@@ -51,7 +52,11 @@ class RollingScanner:
         count = self._parameters.beams
         self._angles_rad = self.geometry.angles_rad(count)
         self._range_m = np.empty(count)
-        self._signal_per_m2 = np.empty(count)  # before the square of the range
+        self._signal = np.empty(count)
+        self._beam_times_s = self.geometry.beam_interval_s * np.arange(count)
+        self._nothing_m = 2 * self._parameters.range_max_m
+        self._directions, self._normals = np.empty((count, 3)), np.empty((count, 3))
+        self._hit_m, self._geom = np.empty(count), np.empty(count, np.int32)
         self._stamp_s = 0.0
 
     def after_step(self) -> None:
@@ -71,31 +76,30 @@ class RollingScanner:
     def _cast(self, first: int, last: int, began_s: float) -> None:
         """Beams `first` to `last`, from the pose at the step's beginning moved on with its velocity."""
         data, count = self._world.data, last - first
-        late_s = self._sweep_began_s + np.arange(first, last) * self.geometry.beam_interval_s - began_s
-        angles = self._angles_rad[first:last] + float(data.qvel[5]) * late_s
-        rotation = data.site_xmat[self._site].reshape(3, 3)
-        directions = np.outer(np.cos(angles), rotation[:, 0]) + np.outer(np.sin(angles), rotation[:, 1])
-        origin = data.site_xpos[self._site] + self._site_velocity_mps() * float(late_s.mean())
-        geom, hit_m, normal = np.empty(count, np.int32), np.empty(count), np.empty(3 * count)
+        late_s = np.asarray(self._beam_times_s[first:last] + (self._sweep_began_s - began_s), np.float64)
+        directions, normals = self._directions[:count], self._normals[:count]
+        hit_m, geom = self._hit_m[:count], self._geom[:count]
+        rotation = data.site_xmat[self._site]
+        beam_directions(self._angles_rad[first:last], late_s, float(data.qvel[5]), rotation, directions)
+        origin = data.site_xpos[self._site] + self._site_velocity_mps() * float(late_s[count // 2])
         mujoco.mj_multiRay(
-            self._world.model, data, origin, directions.ravel(), _SEEN_GROUPS, True, -1, geom, hit_m, normal,
-            count, 2 * self._parameters.range_max_m,
+            self._world.model, data, origin, directions.reshape(-1), _SEEN_GROUPS, True, -1,
+            geom, hit_m, normals.reshape(-1), count, self._nothing_m,
         )  # fmt: skip
-        missed = geom < 0
-        cos_incidence = np.abs(np.einsum("ij,ij->i", directions, normal.reshape(-1, 3)))
-        self._range_m[first:last] = np.where(missed, 2 * self._parameters.range_max_m, hit_m)
-        self._signal_per_m2[first:last] = np.where(missed, 0.0, self._reflectivity[geom] * cos_incidence)
+        echoes(
+            directions, normals, hit_m, geom, self._reflectivity, self._nothing_m,
+            self._range_m[first:last], self._signal[first:last],
+        )  # fmt: skip
 
     def _site_velocity_mps(self) -> NDArray[np.float64]:
         """Of the scanner, which turns with the robot about its origin."""
         data = self._world.data
-        lever = data.site_xpos[self._site] - data.qpos[:3]
-        yaw_rate = float(data.qvel[5])
-        velocity: NDArray[np.float64] = data.qvel[:3] + yaw_rate * np.array([-lever[1], lever[0], 0.0])
-        return velocity
+        lever_x, lever_y, _ = (data.site_xpos[self._site] - data.qpos[:3]).tolist()
+        vx, vy, vz, _, _, yaw_rate = data.qvel[:6].tolist()
+        return np.array([vx - yaw_rate * lever_y, vy + yaw_rate * lever_x, vz])
 
     def _finish(self) -> None:
-        ranges_m = noisy_ranges(self._range_m, self._signal_per_m2, self._parameters, self._random)
+        ranges_m = noisy_ranges(self._range_m, self._signal, self._parameters, self._random)
         self.scans.put(RawScan(self._stamp_s, ranges_m))
         self._sweep_began_s += self._parameters.period_s
         self._next_beam = 0
