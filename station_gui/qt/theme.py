@@ -31,8 +31,8 @@ ROBOT: Final = "#1fae4b"
 TRAJECTORY: Final = "#d97706"
 CLOSURE: Final = "#a335d6"
 SCAN: Final = "#e0357f"
-PATH: Final = "#0a84d6"
-GOAL: Final = "#0a84d6"
+PATH: Final = "#0a9c94"
+GOAL: Final = "#0a9c94"
 SCENE_SKY: Final = "#1d2430"
 
 SPACING_PX: Final = 8
@@ -46,6 +46,8 @@ QLabel { color: $TEXT; background: transparent; }
 QLabel[role="muted"] { color: $MUTED; }
 QLabel[role="title"] { color: $MUTED; font-weight: bold; letter-spacing: 1px; }
 QLabel[role="sentence"] { font-size: 15px; }
+QLabel[role="overlay"] { background: $PANEL; border: 1px solid $BORDER; border-radius: 6px; padding: 10px 18px;
+    font-size: 14px; }
 QLabel[tone="good"] { color: $GOOD; }
 QLabel[tone="warning"] { color: $WARNING; }
 QLabel[tone="bad"] { color: $BAD; }

@@ -37,6 +37,15 @@ def tool_button(text: str, tip: str, *, checkable: bool = False) -> QToolButton:
     return button
 
 
+def overlay_label(canvas: QWidget) -> QLabel:
+    """A sentence in the middle of an empty canvas; the mouse goes through it."""
+    hint = label("", "overlay", Qt.AlignmentFlag.AlignHCenter)
+    hint.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
+    layout = QVBoxLayout(canvas)
+    layout.addWidget(hint, 0, Qt.AlignmentFlag.AlignCenter)
+    return hint
+
+
 class Panel(QFrame):
     """A framed part of the window with a title; contents go into `body`, small tools into `header`."""
 

@@ -33,11 +33,11 @@ def allowed(view: OperatorView, stale_after_s: float) -> Allowed:
         return Allowed(stop=connected, emergency=True)
     state = telemetry.state
     return Allowed(
-        start=state is not MissionState.OBSERVE,
+        start=state in {MissionState.IDLE, MissionState.HALTED},
         stop=state is not MissionState.HALTED,
         emergency=True,
         go_to=state is MissionState.COMMAND and view.snapshot is not None,
-        drive=state in {MissionState.IDLE, MissionState.COMMAND},
+        drive=state in {MissionState.OBSERVE, MissionState.COMMAND},
     )
 
 
@@ -88,9 +88,9 @@ class CommandPanel(Panel):
             return "Connect to a robot first."
         if now.go_to:
             return "Right click on the map: go there."
-        if now.start:
-            return "Go to: after the observation."
-        return ""
+        if now.drive:
+            return "Go to is possible after the observation."
+        return "Go to and driving come after the start." if now.start else ""
 
     def _lay_out(self) -> None:
         grid = QGridLayout()

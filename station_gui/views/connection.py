@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QPushButton
 
 from station_gui.model.view import LinkState, OperatorView
 from station_gui.qt import theme
-from station_gui.qt.widgets import ElidedLabel, Lamp, Panel, PlainEdit, label
+from station_gui.qt.widgets import ElidedLabel, Lamp, Panel, PlainEdit, label, set_property
 from station_gui.views import words
 
 _LAMP = {
@@ -54,11 +54,21 @@ class ConnectionPanel(Panel):
         self._link_state = view.link_state
         self.lamp.show_colour(_LAMP[view.link_state])
         self.state.show_text(words.link_sentence(view))
-        self.button.setText("Connect" if view.link_state is LinkState.DISCONNECTED else "Disconnect")
+        free = view.link_state is LinkState.DISCONNECTED
+        self.button.setText("Connect" if free else "Disconnect")
+        set_property(self.button, "role", "primary" if free else "plain")
+        self._show_address(view.address if not free else "")
         self._enable()
         for name, text in figure_texts(view).items():
             self.figures[name].setText(text)
         self.recording.show_text(PurePath(view.recording).as_posix() if view.recording else "not recording")
+
+    def _show_address(self, address: str) -> None:
+        """Somebody else may have chosen where to connect to."""
+        host, _, port = address.rpartition(":")
+        if host and (host, port) != (self.host.text().strip(), self.port.text()):
+            self.host.setText(host)
+            self.port.setText(port)
 
     def _lay_out(self) -> None:
         address = QHBoxLayout()

@@ -24,6 +24,7 @@ _KEYS = {
     Qt.Key.Key_D: (1.0, 0.0),
 }
 _KNOB_PX = 17.0
+_MAX_PX = 230
 
 
 class Stick(QWidget):
@@ -42,6 +43,7 @@ class Stick(QWidget):
         self._timer.timeout.connect(self._send)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMinimumSize(116, 116)
+        self.setMaximumSize(_MAX_PX, _MAX_PX)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self.setAccessibleName("Drive pad")
 
@@ -57,7 +59,7 @@ class Stick(QWidget):
         self._move((0.0, 0.0), held=False)
 
     def sizeHint(self) -> QSize:  # noqa: N802 - Qt's name
-        return QSize(140, 140)
+        return QSize(_MAX_PX, 140)
 
     def mousePressEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
         if event.button() is Qt.MouseButton.LeftButton:
@@ -174,7 +176,7 @@ class DrivePanel(Panel):
         self.slider.valueChanged.connect(self._on_limit)
         self.slider.setValue(round(100 * config.drive_speed_mps))
         self._on_limit()
-        self.body.addWidget(self.stick, 1)
+        self.body.addWidget(self.stick, 1, Qt.AlignmentFlag.AlignHCenter)
         row = QHBoxLayout()
         row.addWidget(label("slow", "muted"))
         row.addWidget(self.slider, 1)

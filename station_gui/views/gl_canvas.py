@@ -25,7 +25,8 @@ _NO_LINES = np.zeros((0, 3), np.float32)
 _GRID_STEP_M = 0.5
 _MAX_GRID_LINES_M = 60.0  # beyond this the floor grid would be a carpet
 _ELEVATION_DEG = 52.0
-_AZIMUTH_DEG = -62.0
+_AZIMUTH_DEG = -68.0
+_MIDDLE_M = 0.4  # half the height that is kept in view: walls are seen up to about 80 cm
 
 
 class GlCanvas(gl.GLViewWidget):  # type: ignore[misc]  # pyqtgraph has no types
@@ -37,6 +38,7 @@ class GlCanvas(gl.GLViewWidget):  # type: ignore[misc]  # pyqtgraph has no types
         super().__init__(parent)
         self._broken = False
         self._moved_by_hand = False
+        self._known: Extent | None = None
         self.setMinimumSize(260, 220)  # it has no size hint: a layout would give it nothing
         self.setBackgroundColor(theme.SCENE_SKY)
         self._floor = gl.GLImageItem(np.zeros((1, 1, 4), np.uint8), glOptions="opaque")
@@ -131,21 +133,37 @@ class GlCanvas(gl.GLViewWidget):  # type: ignore[misc]  # pyqtgraph has no types
 
     def frame(self, known: Extent | None) -> None:
         """Keep the direction, but bring all of `known` into view."""
+        self._known = known
         if known is None:
             self.setCameraPosition(pos=pg.Vector(0, 0, 0), distance=6.0)
             return
-        centre = pg.Vector(known.left_m + known.width_m / 2, known.bottom_m + known.height_m / 2, 0.1)
-        size_m = math.hypot(known.width_m, known.height_m)
-        aspect = self.width() / max(1, self.height())
-        self.setCameraPosition(pos=centre, distance=max(1.0, 1.08 * size_m * max(1.0, aspect / 1.25)))
+        centre = pg.Vector(known.left_m + known.width_m / 2, known.bottom_m + known.height_m / 2, _MIDDLE_M)
+        self.setCameraPosition(pos=centre, distance=self._distance_m(known, self.width() / max(1, self.height())))
+
+    def _distance_m(self, known: Extent, aspect: float) -> float:
+        """How far away the camera sees all corners of a box over `known`."""
+        half = np.array([known.width_m / 2, known.height_m / 2, _MIDDLE_M])
+        corners = half * [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+        azimuth, elevation = math.radians(self.opts["azimuth"]), math.radians(self.opts["elevation"])
+        ca, sa, ce, se = math.cos(azimuth), math.sin(azimuth), math.cos(elevation), math.sin(elevation)
+        right, up, towards = np.array([[-sa, ca, 0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]]) @ corners.T
+        tangent = math.tan(math.radians(self.opts["fov"]) / 2)
+        needed = towards + np.maximum(np.abs(right) / tangent, np.abs(up) * aspect / tangent)
+        return max(1.0, 1.05 * float(needed.max()))
 
     def look_at(self, pose: Pose2) -> None:
         self.setCameraPosition(pos=pg.Vector(pose.x_m, pose.y_m, 0.1))
 
     def picture(self, width_px: int, height_px: int) -> QImage:
-        """The scene alone at this size, whatever the size of the widget."""
-        pixels = np.ascontiguousarray(self.renderToArray((width_px, height_px)))
-        self.doneCurrent()
+        """The scene alone at this size, whatever the size of the widget, framed anew unless the operator did it."""
+        distance_m = self.opts["distance"]
+        if self._known is not None and not self._moved_by_hand:
+            self.opts["distance"] = self._distance_m(self._known, width_px / max(1, height_px))
+        try:
+            pixels = np.ascontiguousarray(self.renderToArray((width_px, height_px)))
+        finally:
+            self.opts["distance"] = distance_m
+            self.doneCurrent()
         image = QImage(pixels.data, width_px, height_px, 4 * width_px, QImage.Format.Format_RGB32)
         return image.copy()  # the copy owns its pixels
 

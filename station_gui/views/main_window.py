@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import Qt, QTimer
-from PySide6.QtGui import QCloseEvent, QKeySequence, QShortcut
+from PySide6.QtGui import QCloseEvent, QKeySequence, QResizeEvent, QShortcut
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QMainWindow, QSplitter, QVBoxLayout, QWidget
 
 from shared.runtime.clock import stopwatch_s
@@ -18,6 +18,7 @@ from station_gui.views import words
 from station_gui.views.commands import CommandPanel, allowed
 from station_gui.views.config import WindowConfig
 from station_gui.views.connection import ConnectionPanel
+from station_gui.views.details import DetailsPanel
 from station_gui.views.drive_pad import DrivePanel
 from station_gui.views.gauges import GaugePanel
 from station_gui.views.map2d import Map2dCanvas
@@ -27,6 +28,7 @@ from station_gui.views.mission_log import MissionLog
 
 _SIDE_PX = 286
 _BOTTOM_PX = 212
+_TALL_PX = 920  # from this height on there is room for the details
 _SMOOTHING = 0.1  # of the shown cost of a refresh
 
 
@@ -38,11 +40,13 @@ class MainWindow(QMainWindow):
         self._operator = operator
         self._config = config
         self._refresh_s = 0.0
+        self._view: OperatorView | None = None
         stale_after_s = config.gauges.stale_after_s
         self.mission = MissionBar(stale_after_s)
         self.connection = ConnectionPanel(config.host, config.port)
         self.commands = CommandPanel(stale_after_s)
         self.drive = DrivePanel(config)
+        self.details = DetailsPanel()
         self.gauges = GaugePanel(config.gauges)
         self.map2d = Map2dCanvas()
         self.map3d = Map3dCanvas()
@@ -85,12 +89,17 @@ class MainWindow(QMainWindow):
         self._operator.disconnect()
         super().closeEvent(event)
 
+    def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802 - Qt's name
+        self.details.setVisible(event.size().height() >= _TALL_PX)
+        super().resizeEvent(event)
+
     def _parts(self) -> tuple[tuple[str, Callable[[OperatorView], None]], ...]:
         return (
             ("the mission's state", self.mission.show_view),
             ("the connection", self.connection.show_view),
             ("the commands", self.commands.show_view),
             ("the gauges", self.gauges.show_view),
+            ("the details", self.details.show_view),
             ("the map", self.map2d.show_view),
             ("the 3D map", self.map3d.show_view),
             ("the log", lambda view: self.log.show_log(self._operator, view.log_length)),
@@ -99,7 +108,7 @@ class MainWindow(QMainWindow):
 
     def _refresh(self) -> None:
         started_s = stopwatch_s()
-        view = self._operator.view()
+        view = self._view = self._operator.view()
         for guard, draw in self._guards:
             guard.run(partial(draw, view))
         self._refresh_s += _SMOOTHING * (stopwatch_s() - started_s - self._refresh_s)
@@ -130,14 +139,14 @@ class MainWindow(QMainWindow):
         self.commands.go_to.setChecked(False)
 
     def _on_goal(self, x_m: float, y_m: float) -> None:
-        if allowed(self._operator.view(), self._config.gauges.stale_after_s).go_to:
+        if self._view is not None and allowed(self._view, self._config.gauges.stale_after_s).go_to:
             self._operator.go_to(x_m, y_m)
             self.commands.go_to.setChecked(False)
 
     def _lay_out(self) -> None:
         self.setWindowTitle("Low-bandwidth mapper: station")
         self.resize(self._config.width_px, self._config.height_px)
-        self.setMinimumSize(1120, 700)
+        self.setMinimumSize(1120, 740)
         centre = QWidget()
         outer = QVBoxLayout(centre)
         outer.setContentsMargins(theme.SPACING_PX, theme.SPACING_PX, theme.SPACING_PX, theme.SPACING_PX)
@@ -166,6 +175,7 @@ class MainWindow(QMainWindow):
         column.addWidget(self.connection)
         column.addWidget(self.commands)
         column.addWidget(self.drive, 1)
+        column.addWidget(self.details)
         return side
 
     def _maps(self) -> QWidget:

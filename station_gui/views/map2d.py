@@ -6,12 +6,12 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QPointF, Qt, Signal
 from PySide6.QtGui import QImage, QPixmap
-from PySide6.QtWidgets import QCheckBox, QHBoxLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QCheckBox, QHBoxLayout, QSizePolicy, QWidget
 
 from station_gui.mapping.snapshot import MapSnapshot
 from station_gui.model.view import LinkState, OperatorView
 from station_gui.qt import theme
-from station_gui.qt.widgets import Panel, label, tool_button
+from station_gui.qt.widgets import Panel, label, overlay_label, tool_button
 from station_gui.views import words
 from station_gui.views.grid_picture import Extent
 from station_gui.views.map2d_layers import LAYERS, MapLayers
@@ -36,7 +36,7 @@ class Map2dCanvas(Panel):
         self.follow_button = tool_button("Follow", "Keep the robot in the middle", checkable=True)
         self.fit_button = tool_button("Fit", "Keep the whole map in view", checkable=True)
         self.fit_button.setChecked(True)
-        self._hint = _hint(self._plot)
+        self._hint = overlay_label(self._plot)
         self._lay_out()
         self._connect()
         self._show_extent(_FIRST_VIEW)
@@ -174,18 +174,9 @@ def _make_plot() -> pg.PlotWidget:
     for side, text in (("bottom", "x"), ("left", "y")):
         axis = plot.getAxis(side)
         axis.enableAutoSIPrefix(False)
-        axis.setLabel(f"{text} (m)", color=theme.MUTED)
-        axis.setTextPen(theme.MUTED)
         axis.setPen(theme.BORDER)
+        axis.setTextPen(theme.MUTED)
+        axis.setLabel(f"{text} (m)", color=theme.MUTED)
+        axis.setStyle(maxTickLevel=0)
     plot.getAxis("left").setWidth(52)  # a fixed width: the map does not jump when the numbers grow
     return plot
-
-
-def _hint(plot: pg.PlotWidget) -> QLabel:
-    """A sentence in the middle of the empty canvas; the mouse goes through it."""
-    hint = label("", "sentence", Qt.AlignmentFlag.AlignHCenter)
-    hint.setStyleSheet(f"color: {theme.BACKGROUND}; font-weight: bold;")
-    hint.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
-    layout = QVBoxLayout(plot)
-    layout.addWidget(hint)
-    return hint

@@ -12,7 +12,7 @@ from station_gui.mapping.snapshot import GridMap, MapSnapshot, ObjectKind
 from station_gui.model.view import OperatorView
 from station_gui.qt import theme
 from station_gui.qt.application import opengl_works
-from station_gui.qt.widgets import Panel, label, tool_button
+from station_gui.qt.widgets import Panel, label, overlay_label, tool_button
 from station_gui.views.gl_canvas import GlCanvas
 from station_gui.views.grid_picture import Extent
 from station_gui.views.pose import footprint_m, robot_on_map
@@ -23,6 +23,7 @@ _LEGEND = (
     (theme.OBJECT_SMALL, "small"),
     (theme.ROBOT, "robot"),
     (theme.TRAJECTORY, "trail"),
+    (theme.PATH, "path"),
 )
 
 
@@ -45,6 +46,8 @@ class Map3dCanvas(Panel):
         self.canvas: GlCanvas | None = GlCanvas() if opengl_works() else None
         self._lay_out()
         if self.canvas is not None:
+            self._hint = overlay_label(self.canvas)
+            self._hint.setText("The 3D map grows here")
             self._stack.addWidget(self.canvas)
             self._stack.setCurrentWidget(self.canvas)
             self.canvas.failed.connect(self._on_failed, Qt.ConnectionType.QueuedConnection)
@@ -56,6 +59,7 @@ class Map3dCanvas(Panel):
         if view.snapshot is not self._snapshot:
             self._snapshot = view.snapshot
             self._show_snapshot(self.canvas, view.snapshot)
+            self._hint.setVisible(view.snapshot is None)
         if view.path_m is not self._path_m:
             self._path_m = view.path_m
             self.canvas.show_path(view.path_m)

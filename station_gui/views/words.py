@@ -50,9 +50,8 @@ def number(value: float | None, decimals: int = 0, unit: str = "") -> str:
     if value is None or not math.isfinite(value):
         return NO_VALUE
     shown = f"{value:.{decimals}f}"
-    if float(shown) == 0:
-        shown = shown.lstrip("-")
-    return f"{shown} {unit}".rstrip()
+    shown = shown.lstrip("-") if float(shown) == 0 else shown.replace("-", "\N{MINUS SIGN}")
+    return f"{shown}{unit}" if unit.startswith("°") and unit != "°C" else f"{shown} {unit}".rstrip()
 
 
 def bits_per_second(value: float) -> str:
