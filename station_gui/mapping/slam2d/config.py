@@ -16,6 +16,7 @@ class NormalConfig:
     half_window: int = 3  # neighbours on each side
     max_gap_m: float = 0.5  # between consecutive points of one surface
     max_rms_m: float = 0.05  # of the points about their line
+    max_lonely_m: float = 0.3  # a point without a line and without a neighbour this near would hold the robot back
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +45,8 @@ class MatchConfig:
     point_weight: float = 0.3  # of a surfel without a normal, against one with
     max_iterations: int = 20
     min_points: int = 12
-    doubtful_share: float = 0.6  # below this share of inliers the neighbourhood is searched
+    doubtful_share: float = 0.8  # below this share of inliers the neighbourhood is searched
+    better_share: float = 0.05  # what the search must win to be believed against the prediction
     lost_share: float = 0.3  # below this the odometry is believed
     patience_scans: int = 20  # lost for longer than this a new piece of map begins
     noise_m: float = 0.03  # of one residual, beams of one wall being correlated

@@ -275,7 +275,8 @@ def refine(
 ) -> int:
     """Gauss–Newton with a prior; `pose` is moved in place; returns the number of iterations.
 
-    The kernel narrows from wide to fine by halves, so that far points pull first and near points decide.
+    The kernel narrows from wide to fine by halves, each time the pose has settled, so that far points pull first
+    and near points decide.
     `hessian` and `figures` are those of the last linearisation, without the prior.
     """
     gradient = np.zeros(3)
@@ -301,10 +302,12 @@ def refine(
             break
         for a in range(3):
             pose[a] += step[a]
-        small = abs(step[0]) + abs(step[1]) < 2e-4 and abs(step[2]) < 5e-5
-        if small and kernel_m <= fine_kernel_m:
+        moved_m = abs(step[0]) + abs(step[1])
+        if kernel_m > fine_kernel_m:
+            if moved_m < 5e-3 and abs(step[2]) < 1e-3:
+                kernel_m = max(fine_kernel_m, 0.5 * kernel_m)
+        elif moved_m < 2e-4 and abs(step[2]) < 5e-5:
             break
-        kernel_m = max(fine_kernel_m, 0.5 * kernel_m)
     linearise(
         points, normals, pose, fine_kernel_m, inlier_m, point_weight, origin_x, origin_y, cell_m, nearest, surfels,
         hessian, gradient, figures,

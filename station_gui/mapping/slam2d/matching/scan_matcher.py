@@ -36,7 +36,14 @@ def to_lines(points_m: NDArray[np.float64], origin_m: NDArray[np.float64], confi
     points = np.ascontiguousarray(points_m, dtype=np.float64)
     normals = np.zeros_like(points)
     _kernels.scan_normals(points, origin_m, config.half_window, config.max_gap_m, config.max_rms_m, normals)
-    return LineScan(points, normals)
+    useful = normals.any(axis=1) | (_gap_to_neighbour_m(points) < config.max_lonely_m)
+    return LineScan(points[useful], normals[useful])
+
+
+def _gap_to_neighbour_m(points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,): distance to the nearer of the points before and after."""
+    gaps = np.hypot(*np.diff(points_m, axis=0).T) if len(points_m) > 1 else np.zeros(0)
+    return np.minimum(np.append(gaps, np.inf), np.append(np.inf, gaps))
 
 
 class ScanMatcher:
@@ -59,7 +66,7 @@ class ScanMatcher:
             return found
         start = self.search(scan, local_map, predicted)
         other = self.refine(scan, local_map, start, predicted, prior_weight)
-        return other if other.share > found.share + 0.02 else found
+        return other if other.share > found.share + self._config.better_share else found
 
     def refine(
         self,
