@@ -26,10 +26,13 @@ class EdgeConfig:
     min_open_cells: int = 4
     crease_angle_rad: float = 0.70  # two flat surfaces that meet at a sharper angle make an edge
     crease_arm_m: float = 0.08  # how much of each surface is looked at
-    crease_noise: float = 0.0025  # of the depth at 1 m, in metres; grows with its square
+    crease_noise: float = 0.0015  # of the depth at 1 m, in metres; grows with its square
     floor_height_m: float = 0.02  # what is lower than this belongs to the floor,
     floor_slope: float = 0.012  # and this much more for each metre of distance: the car's pitch under its springs
     sample_spacing_m: float = 0.02  # of the sample nodes along an edge
+    corner_gain: float = 4.0  # by how much the end of an edge is preferred to its middle as a sample, a corner less
+    min_curve_m: float = 0.10  # smaller edges are noise
+    full_curve_m: float = 0.8  # edges so large are preferred to smaller ones: outlines to the holes in them
     max_samples: int = 1500  # bounds the time of learning
 
     def __post_init__(self) -> None:
@@ -47,7 +50,6 @@ class LearningConfig:
     min_length_m: tuple[float, float, float] = (0.225, 0.150, 0.100)  # γ, by phase
     max_length_m: tuple[float, float, float] = (0.300, 0.225, 0.175)  # δ, by phase
     samples_per_node: tuple[float, float, float] = (10.0, 8.0, 6.0)  # σ, by phase
-    corner_gain: float = 4.0  # by how much a corner or an end of an edge is preferred to its middle
     max_nodes: int = 200  # bounds time and memory; the paper's networks have 145 to 158 before refinement
 
     def __post_init__(self) -> None:

@@ -12,6 +12,8 @@ from robot_app.perception import _kernels as kernels
 from robot_app.perception.config import EdgeConfig
 from shared.geometry.camera import Intrinsics
 
+_NEAR_LIMIT = 1.2  # surfaces within this many times the least range may end where the range does
+
 
 class Mount(Protocol):
     """Where the camera sits; `CameraMount` is one."""
@@ -26,7 +28,8 @@ class EdgeCloud:
 
     `points`: how many points of the decimated image are in range. `edge_m`: (E, 3) float32 of which the first
     `edges` count; `edge_at`: (R, C) int32, the edge point in each cell of `stride` pixels, -1 for none.
-    `sample_m`, `sample_score`: the sample nodes A of step 1 and how much each is a corner; the first `samples` count.
+    `sample_m`: the sample nodes A of step 1, of which the first `samples` count; `sample_weight`: how much each is
+    preferred; `sample_curve`: a number for each connected edge.
     `up`: (4,), a point's height over the floor is `up[:3] @ point + up[3]`. `lens`: fx, fy, cx, cy.
     """
 
@@ -45,7 +48,12 @@ class EdgeCloud:
         self.edge_at = np.full((rows, columns), -1, np.int32)
         self.edge_m = np.zeros((rows * columns, 3), np.float32)
         self.sample_m = np.zeros((config.max_samples, 3), np.float32)
-        self.sample_score = np.zeros(config.max_samples, np.float32)
+        self.sample_weight = np.zeros(config.max_samples, np.float32)
+        self.sample_curve = np.zeros(config.max_samples, np.int32)
+        self._bend, self._shift = np.zeros((2, rows, columns), np.float32)
+        self._curve = np.zeros(rows * columns, np.int32)
+        self._box_m = np.zeros((rows * columns, 6), np.float32)
+        self._extent_m = np.zeros(rows * columns, np.float32)
         self._score = np.zeros(rows * columns, np.float32)
         self._smooth_m = np.zeros((rows * columns, 3), np.float32)
         self._floor = np.zeros((rows, columns), np.uint8)
@@ -72,6 +80,7 @@ class EdgeCloud:
             self.slope_x,
             self.slope_y,
             self.stride,
+            self.cell_width,
             self.up,
             config.floor_height_m,
             config.floor_slope,
@@ -79,9 +88,15 @@ class EdgeCloud:
         )
 
     def _find_edges(self, image: DepthImage) -> None:
-        config = self._config
         self.edge_at.fill(-1)
-        near_m = 1.2 * config.range_min_m
+        self.edges = 0
+        self._find_occluding(image)
+        self._find_contact()
+        for vertical in (0, 1):
+            self._find_creases(vertical)
+
+    def _find_occluding(self, image: DepthImage) -> None:
+        config = self._config
         self.edges = kernels.find_occluding(
             image.depth,
             image.unit_m,
@@ -92,20 +107,24 @@ class EdgeCloud:
             self.cell_width,
             self._open_rows,
             self._floor,
-            near_m,
+            _NEAR_LIMIT * config.range_min_m,
             config.alpha,
             config.max_step_widths,
             config.max_hole_cells,
             self.edge_m,
             self.edge_at,
-            0,
+            self.edges,
         )
+
+    def _find_contact(self) -> None:
+        config = self._config
         self.edges = kernels.find_contact(
             self.z,
             self.slope_x,
             self.slope_y,
             self.stride,
             self.cell_width,
+            self.lens,
             self.up,
             config.floor_height_m,
             config.floor_slope,
@@ -116,16 +135,53 @@ class EdgeCloud:
             self.edges,
         )
 
+    def _find_creases(self, vertical: int) -> None:
+        config = self._config
+        kernels.measure_creases(
+            self.z,
+            self.slope_y if vertical else self.slope_x,
+            self.stride,
+            self._floor,
+            self.stride / self.lens[vertical],
+            vertical,
+            config.crease_arm_m,
+            config.crease_angle_rad,
+            config.crease_noise,
+            self._bend,
+            self._shift,
+        )
+        self.edges = kernels.find_creases(
+            self.z,
+            self.slope_x,
+            self.slope_y,
+            self.stride,
+            vertical,
+            self._bend,
+            self._shift,
+            self.edge_m,
+            self.edge_at,
+            self.edges,
+        )
+
     def _choose_samples(self) -> None:
         config = self._config
+        kernels.label_curves(
+            self.edge_m, self.edge_at, self.edges, self.cell_width, self._curve, self._box_m, self._extent_m
+        )
         kernels.corner_scores(self.edge_m, self.edge_at, self.cell_width, self._score, self._smooth_m)
         self.samples = kernels.choose_samples(
             self.edge_at,
             self._rank,
             self._smooth_m,
             self._score,
+            self._curve,
+            self._extent_m,
+            config.min_curve_m,
+            config.full_curve_m,
+            config.corner_gain,
             self.cell_width / config.sample_spacing_m,
             config.max_samples,
             self.sample_m,
-            self.sample_score,
+            self.sample_weight,
+            self.sample_curve,
         )

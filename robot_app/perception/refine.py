@@ -66,6 +66,7 @@ def close_loops(network: Network, cloud: EdgeCloud, config: RefineConfig) -> Non
     """Section 3.2.3, eqs 27 and 28."""
     kernels.close_loops(
         network.node_m,
+        network.node_curve,
         network.linked,
         network.nodes,
         math.degrees(config.eta_angle_per_deg),

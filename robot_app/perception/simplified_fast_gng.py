@@ -18,6 +18,7 @@ class Network:
 
     def __init__(self, max_nodes: int) -> None:
         self.node_m = np.zeros((max_nodes, 3), np.float32)
+        self.node_curve = np.zeros(max_nodes, np.int32)
         self.linked = np.zeros((max_nodes, max_nodes), np.uint8)
         self.nodes = 0
         self._pairs = np.zeros((8 * max_nodes, 2), np.int32)
@@ -27,7 +28,7 @@ class Network:
         return self._pairs[: kernels.list_connections(self.linked, self.nodes, self._pairs)]
 
     def drop_isolated(self) -> None:
-        self.nodes = kernels.remove_isolated(self.node_m, self.linked, self.nodes)
+        self.nodes = kernels.remove_isolated(self.node_m, self.node_curve, self.linked, self.nodes)
 
 
 class SimplifiedFastGng:
@@ -46,13 +47,13 @@ class SimplifiedFastGng:
         """Grow `network` anew over the samples of `cloud`."""
         network.nodes = kernels.grow(
             cloud.sample_m,
-            cloud.sample_score,
+            cloud.sample_weight,
+            cloud.sample_curve,
             cloud.samples,
             self._min_length_m,
             self._max_length_m,
             self._per_node,
             self._config.beta,
-            self._config.corner_gain,
             cloud.lens,
             cloud.stride,
             self._evaluation.connection_reach_m,
@@ -66,5 +67,6 @@ class SimplifiedFastGng:
             self._seen_m,
             self._chance,
             network.node_m,
+            network.node_curve,
             network.linked,
         )

@@ -2,9 +2,9 @@
 
 They are in one file because numba's cache does not see a change in a kernel of another file. Shared arguments are
 those of `perception._kernels`, and
-
-node_m: (N, 3) float32, optical frame. linked: (N, N) uint8, symmetric, 1 where two nodes are connected.
-Both have room for `max_nodes`; the first `nodes` are in use.
+node_m: (N, 3) float32, optical frame. node_curve: (N,) int32, the edge curve that a node was taken from.
+linked: (N, N) uint8, symmetric, 1 where two nodes are connected.
+They have room for `max_nodes`; the first `nodes` are in use.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def limit_degree(node_m: F32, linked: U8, nodes: int, most: int) -> None:
 
 
 @njit(nogil=True, cache=True)
-def remove_isolated(node_m: F32, linked: U8, nodes: int) -> int:
+def remove_isolated(node_m: F32, node_curve: I32, linked: U8, nodes: int) -> int:
     """Step 7: nodes without a connection go; the others keep their order. Returns how many are left."""
     kept = 0
     for a in range(nodes):
@@ -123,6 +123,7 @@ def remove_isolated(node_m: F32, linked: U8, nodes: int) -> int:
             continue
         if kept != a:
             node_m[kept] = node_m[a]
+            node_curve[kept] = node_curve[a]
             for b in range(nodes):
                 linked[kept, b] = linked[a, b]
             for b in range(nodes):
@@ -150,8 +151,7 @@ def _note_node(
 
 @njit(nogil=True, cache=True)
 def _best_sample(
-    sample_score: F32,
-    corner_gain: float,
+    sample_weight: F32,
     samples: int,
     nearest_m: F32,
     seen_m: F32,
@@ -160,12 +160,12 @@ def _best_sample(
     max_m: float,
     beta: float,
 ) -> int:
-    """The sample with the highest P_node, corners before others; -1 when none may be added."""
+    """The sample with the highest P_node times weight; -1 when none may be added."""
     best, best_weight = -1, 0.0
     for i in range(samples):
         if seen_m[i] != nearest_m[i]:
             seen_m[i] = nearest_m[i]
-            chance[i] = node_probability(nearest_m[i], min_m, max_m, beta) * (1.0 + corner_gain * sample_score[i])
+            chance[i] = node_probability(nearest_m[i], min_m, max_m, beta) * sample_weight[i]
         if chance[i] > best_weight:
             best, best_weight = i, chance[i]
     return best
@@ -174,13 +174,13 @@ def _best_sample(
 @njit(nogil=True, cache=True)
 def grow(
     sample_m: F32,
-    sample_score: F32,
+    sample_weight: F32,
+    sample_curve: I32,
     samples: int,
     min_length_m: F64,
     max_length_m: F64,
     per_node: F64,
     beta: float,
-    corner_gain: float,
     lens: F64,
     stride: int,
     reach_m: float,
@@ -194,6 +194,7 @@ def grow(
     seen_m: F32,
     chance: F32,
     node_m: F32,
+    node_curve: I32,
     linked: U8,
 ) -> int:
     """Simplified FastGNG, steps 2-7; returns the number of nodes.
@@ -215,8 +216,7 @@ def grow(
             if nodes == node_m.shape[0]:
                 break
             v = _best_sample(
-                sample_score,
-                corner_gain,
+                sample_weight,
                 samples,
                 nearest_m,
                 seen_m,
@@ -229,29 +229,35 @@ def grow(
                 break
             r = nodes
             node_m[r] = sample_m[v]
+            node_curve[r] = sample_curve[v]
             nodes += 1
             s1, s2, ds1, ds2 = nearest[v], second[v], nearest_m[v], second_m[v]
             _note_node(sample_m, samples, node_m, r, nearest_m, nearest, second_m, second)
             if s1 < 0:
                 continue
-            if is_supported(node_m, s1, r, lens, stride, reach_m, step_m, edge_m, edge_at):
+            if node_curve[s1] == node_curve[r] and is_supported(
+                node_m, s1, r, lens, stride, reach_m, step_m, edge_m, edge_at
+            ):
                 _set_link(linked, s1, r, 1)
             if s2 < 0:
                 continue
             ds12 = _distance(node_m, s1, node_m, s2)
             if ds1 < ds12 and ds2 < ds12:
-                if is_supported(node_m, s2, r, lens, stride, reach_m, step_m, edge_m, edge_at):
+                if node_curve[s2] == node_curve[r] and is_supported(
+                    node_m, s2, r, lens, stride, reach_m, step_m, edge_m, edge_at
+                ):
                     _set_link(linked, s2, r, 1)
                 if linked[s1, r] == 1 and linked[s2, r] == 1:
                     _set_link(linked, s1, s2, 0)
             elif (
                 linked[s1, s2] == 0
+                and node_curve[s1] == node_curve[s2]
                 and ds12 <= max_length_m[0]
                 and is_supported(node_m, s1, s2, lens, stride, reach_m, step_m, edge_m, edge_at)
             ):
                 _set_link(linked, s1, s2, 1)
         limit_degree(node_m, linked, nodes, 2)
-        nodes = remove_isolated(node_m, linked, nodes)
+        nodes = remove_isolated(node_m, node_curve, linked, nodes)
     return nodes
 
 
@@ -396,6 +402,7 @@ def reduce_straight(
 @njit(nogil=True, cache=True)
 def close_loops(
     node_m: F32,
+    node_curve: I32,
     linked: U8,
     nodes: int,
     eta_angle_per_rad: float,
@@ -415,7 +422,7 @@ def close_loops(
         a, _ = _two_neighbours(linked, nodes, v)
         best, best_value = -1, -1e9
         for k in range(nodes):
-            if k in (v, a) or degree(linked, nodes, k) == 0:
+            if k in (v, a) or degree(linked, nodes, k) == 0 or node_curve[k] != node_curve[v]:
                 continue
             distance = _distance(node_m, v, node_m, k)
             if distance > loop_reach_m:
