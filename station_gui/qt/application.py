@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from PySide6.QtCore import QCoreApplication, Qt
-from PySide6.QtGui import QOffscreenSurface, QOpenGLContext, QSurfaceFormat
+from PySide6.QtGui import QSurfaceFormat
 from PySide6.QtWidgets import QApplication
 
 from station_gui.qt.bridge import install_exception_hook
 from station_gui.qt.theme import apply_theme
-
-_OLDEST_OPENGL = (2, 1)  # pyqtgraph draws with nothing older
 
 
 def prepare_opengl() -> None:
@@ -31,18 +29,3 @@ def make_application(arguments: list[str]) -> QApplication:
     apply_theme(application)
     install_exception_hook()
     return application
-
-
-def opengl_works() -> bool:
-    """Whether this display gives an OpenGL context that the 3D canvas can draw with."""
-    context = QOpenGLContext()
-    if not context.create():
-        return False
-    surface = QOffscreenSurface()
-    surface.setFormat(context.format())
-    surface.create()
-    if not surface.isValid() or not context.makeCurrent(surface):
-        return False
-    version = context.format().version()
-    context.doneCurrent()
-    return tuple(version) >= _OLDEST_OPENGL

@@ -28,7 +28,7 @@ class WindowConfig:
     """The operator's window."""
 
     host: str = "127.0.0.1"  # what the connection menu offers at first
-    port: int = 7400
+    port: int = 47100
     width_px: int = 1600
     height_px: int = 1000
     refresh_hz: float = 12.0  # each repaint recomposes the whole window because of the OpenGL canvas

@@ -9,14 +9,17 @@ import numpy as np
 import pyqtgraph as pg
 import pyqtgraph.opengl as gl
 from numpy.typing import NDArray
-from PySide6.QtCore import Signal
-from PySide6.QtGui import QImage, QMouseEvent
+from pyqtgraph.opengl.GLViewWidget import GLViewMixin
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QImage, QMouseEvent, QOpenGLContext, QPainter, QPaintEvent, QResizeEvent, QWheelEvent
 from PySide6.QtWidgets import QWidget
 
 from shared.geometry.se2 import Pose2
 from station_gui.mapping.snapshot import MapSnapshot, ObjectKind
 from station_gui.qt import theme
+from station_gui.qt.offscreen_gl import OffscreenGl
 from station_gui.views import scene3d
+from station_gui.views.camera import CameraAngles, Fit, fit_box
 from station_gui.views.grid_picture import Extent, GridPicture, colour_table, make_picture
 from station_gui.views.pose import finite_rows
 
@@ -26,19 +29,25 @@ _GRID_STEP_M = 0.5
 _MAX_GRID_LINES_M = 60.0  # beyond this the floor grid would be a carpet
 _ELEVATION_DEG = 52.0
 _AZIMUTH_DEG = -68.0
-_MIDDLE_M = 0.4  # half the height that is kept in view: walls are seen up to about 80 cm
+_SAMPLES = 4  # for each pixel; a processor that draws in software takes twice as long with them
+_KEPT_HEIGHT_M = 1.0  # walls are seen up to about here
 
 
-class GlCanvas(gl.GLViewWidget):  # type: ignore[misc]  # pyqtgraph has no types
-    """Draws the scene; `failed` tells once that this display cannot."""
+class GlCanvas(GLViewMixin, QWidget):  # type: ignore[misc]  # pyqtgraph has no types
+    """Draws the scene; `failed` tells once that this display cannot any more. Raises OpenGlError if it never could."""
 
     failed = Signal(str)
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+        self._gl = OffscreenGl()
+        self._ready = False
         self._broken = False
+        self._picture: QImage | None = None
+        super().__init__(parent)
+        self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
         self._moved_by_hand = False
         self._known: Extent | None = None
+        self.grid_step_m = _GRID_STEP_M
         self.setMinimumSize(260, 220)  # it has no size hint: a layout would give it nothing
         self.setBackgroundColor(theme.SCENE_SKY)
         self._floor = gl.GLImageItem(np.zeros((1, 1, 4), np.uint8), glOptions="opaque")
@@ -57,23 +66,58 @@ class GlCanvas(gl.GLViewWidget):  # type: ignore[misc]  # pyqtgraph has no types
             self.addItem(item)
         self.reset_camera(None)
 
-    def initializeGL(self) -> None:  # noqa: N802 - Qt's name
-        try:
-            super().initializeGL()
-        except Exception as error:  # noqa: BLE001 - a driver may fail in any way; the window goes on
-            self._give_up(error)
+    # --- what pyqtgraph's mixin wants of its widget ---
 
-    def paintGL(self) -> None:  # noqa: N802 - Qt's name
-        if self._broken:
-            return
+    def isValid(self) -> bool:  # noqa: N802 - pyqtgraph's name
+        return self._ready
+
+    def context(self) -> QOpenGLContext:
+        return self._gl.context
+
+    def update(self, *_where: object) -> None:
+        """The scene has changed: it is drawn anew with the next repaint."""
+        self._picture = None
+        super().update()
+
+    # --- painting ---
+
+    def paintEvent(self, _event: QPaintEvent) -> None:  # noqa: N802 - Qt's name
+        if self._picture is None and not self._broken:
+            self._picture = self._render(0 if self._gl.in_software else _SAMPLES)
+        painter = QPainter(self)
+        if self._picture is not None:
+            painter.drawImage(self.rect(), self._picture)
+        painter.end()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802 - Qt's name
+        self._picture = None
+        if not self._moved_by_hand:
+            self.frame(self._known)
+        super().resizeEvent(event)
+
+    def _render(self, samples: int) -> QImage | None:
+        ratio = self.devicePixelRatioF()
         try:
-            super().paintGL()
+            width_px, height_px = round(self.width() * ratio), round(self.height() * ratio)
+            return self._gl.picture(width_px, height_px, samples, self._paint_scene)
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way; the window goes on
             self._give_up(error)
+            return None
+
+    def _paint_scene(self) -> None:
+        if not self._ready:
+            self.initializeGL()
+            self._ready = True
+        region = self.getViewport()
+        self.paint(region=region, viewport=region)
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
         self._moved_by_hand = True
         super().mouseMoveEvent(event)
+
+    def wheelEvent(self, event: QWheelEvent) -> None:  # noqa: N802 - Qt's name
+        self._moved_by_hand = True
+        super().wheelEvent(event)
 
     @property
     def moved_by_hand(self) -> bool:
@@ -92,7 +136,9 @@ class GlCanvas(gl.GLViewWidget):  # type: ignore[misc]  # pyqtgraph has no types
         self._floor.resetTransform()
         self._floor.scale(extent.width_m / picture.levels.shape[1], extent.height_m / picture.levels.shape[0], 1.0)
         self._floor.translate(extent.left_m, extent.bottom_m, 0.0)
-        step_m = _GRID_STEP_M if max(extent.width_m, extent.height_m) < _MAX_GRID_LINES_M else 10 * _GRID_STEP_M
+        self.grid_step_m = step_m = (
+            _GRID_STEP_M if max(extent.width_m, extent.height_m) < _MAX_GRID_LINES_M else 10 * _GRID_STEP_M
+        )
         lines = scene3d.floor_lines_m(extent.left_m, extent.bottom_m, extent.width_m, extent.height_m, step_m)
         _set_lines(self._floor_grid, _raised(lines[:, :2], 0.002))
         return picture
@@ -137,35 +183,40 @@ class GlCanvas(gl.GLViewWidget):  # type: ignore[misc]  # pyqtgraph has no types
         if known is None:
             self.setCameraPosition(pos=pg.Vector(0, 0, 0), distance=6.0)
             return
-        centre = pg.Vector(known.left_m + known.width_m / 2, known.bottom_m + known.height_m / 2, _MIDDLE_M)
-        self.setCameraPosition(pos=centre, distance=self._distance_m(known, self.width() / max(1, self.height())))
+        fit = self._fit(known, self.width() / max(1, self.height()))
+        self.setCameraPosition(pos=pg.Vector(*fit.centre_m), distance=fit.distance_m)
 
-    def _distance_m(self, known: Extent, aspect: float) -> float:
-        """How far away the camera sees all corners of a box over `known`."""
-        half = np.array([known.width_m / 2, known.height_m / 2, _MIDDLE_M])
-        corners = half * [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
-        azimuth, elevation = math.radians(self.opts["azimuth"]), math.radians(self.opts["elevation"])
-        ca, sa, ce, se = math.cos(azimuth), math.sin(azimuth), math.cos(elevation), math.sin(elevation)
-        right, up, towards = np.array([[-sa, ca, 0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]]) @ corners.T
-        tangent = math.tan(math.radians(self.opts["fov"]) / 2)
-        needed = towards + np.maximum(np.abs(right) / tangent, np.abs(up) * aspect / tangent)
-        return max(1.0, 1.05 * float(needed.max()))
+    def _fit(self, known: Extent, aspect: float) -> Fit:
+        low = np.array([known.left_m, known.bottom_m, 0.0])
+        high = low + (known.width_m, known.height_m, _KEPT_HEIGHT_M)
+        angles = CameraAngles(*(math.radians(self.opts[name]) for name in ("azimuth", "elevation", "fov")))
+        return fit_box(low, high, angles, aspect)
 
     def look_at(self, pose: Pose2) -> None:
         self.setCameraPosition(pos=pg.Vector(pose.x_m, pose.y_m, 0.1))
 
     def picture(self, width_px: int, height_px: int) -> QImage:
         """The scene alone at this size, whatever the size of the widget, framed anew unless the operator did it."""
-        distance_m = self.opts["distance"]
+        before = self.opts["center"], self.opts["distance"]
         if self._known is not None and not self._moved_by_hand:
-            self.opts["distance"] = self._distance_m(self._known, width_px / max(1, height_px))
+            fit = self._fit(self._known, width_px / max(1, height_px))
+            self.opts["center"], self.opts["distance"] = pg.Vector(*fit.centre_m), fit.distance_m
+        viewport = (0, 0, width_px, height_px)
         try:
-            pixels = np.ascontiguousarray(self.renderToArray((width_px, height_px)))
+            return self._gl.picture(
+                width_px, height_px, _SAMPLES, lambda: self.paint(region=viewport, viewport=viewport)
+            )
         finally:
-            self.opts["distance"] = distance_m
-            self.doneCurrent()
-        image = QImage(pixels.data, width_px, height_px, 4 * width_px, QImage.Format.Format_RGB32)
-        return image.copy()  # the copy owns its pixels
+            self.opts["center"], self.opts["distance"] = before
+
+    def polish(self) -> None:
+        """Draw the scene once with smooth edges, for a picture of the window."""
+        self._picture = self._render(_SAMPLES)
+        super().update()
+
+    def close_gl(self) -> None:
+        self._broken = True
+        self._gl.close()
 
     def _give_up(self, error: Exception) -> None:
         if not self._broken:

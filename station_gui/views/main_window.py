@@ -79,6 +79,7 @@ class MainWindow(QMainWindow):
     ) -> None:
         """Write the window as it is, 3D included, and the 3D map alone; OSError when a file cannot be written."""
         self.refresh()
+        self.map3d.polish()
         _save(self.grab().save(str(window_png)), window_png)
         if map3d_png is not None:
             _save(self.map3d.picture(*map3d_px).save(str(map3d_png)), map3d_png)
@@ -86,6 +87,7 @@ class MainWindow(QMainWindow):
     def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802 - Qt's name
         self._timer.stop()
         self.drive.stick.let_go()
+        self.map3d.close_gl()
         self._operator.disconnect()
         super().closeEvent(event)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import Qt
@@ -11,11 +13,14 @@ from PySide6.QtWidgets import QHBoxLayout, QStackedWidget
 from station_gui.mapping.snapshot import GridMap, MapSnapshot, ObjectKind
 from station_gui.model.view import OperatorView
 from station_gui.qt import theme
-from station_gui.qt.application import opengl_works
+from station_gui.qt.offscreen_gl import OpenGlError
 from station_gui.qt.widgets import Panel, label, overlay_label, tool_button
+from station_gui.views import words
 from station_gui.views.gl_canvas import GlCanvas
 from station_gui.views.grid_picture import Extent
 from station_gui.views.pose import footprint_m, robot_on_map
+
+_log = logging.getLogger(__name__)
 
 NO_OPENGL = "3D view needs OpenGL"
 _LEGEND = (
@@ -41,9 +46,10 @@ class Map3dCanvas(Panel):
         self._apology = label(NO_OPENGL, "sentence", Qt.AlignmentFlag.AlignHCenter)
         self._stack.addWidget(self._apology)
         self._counts = label("", "muted")
+        self._scale = label("", "muted")
         self.follow_button = tool_button("Follow", "Keep the robot in the middle", checkable=True)
         self.reset_button = tool_button("Reset view", "Look at the whole map again")
-        self.canvas: GlCanvas | None = GlCanvas() if opengl_works() else None
+        self.canvas = _make_canvas()
         self._lay_out()
         if self.canvas is not None:
             self._hint = overlay_label(self.canvas)
@@ -67,11 +73,21 @@ class Map3dCanvas(Panel):
 
     def picture(self, width_px: int, height_px: int) -> QImage:
         """The 3D scene alone; without OpenGL, the sentence that says so."""
-        if self.canvas is not None and self.canvas.isValid():
+        if self.canvas is not None:
             return self.canvas.picture(width_px, height_px)
         image = QImage(width_px, height_px, QImage.Format.Format_RGB32)
         image.fill(QColor(theme.PANEL))
         return image
+
+    def polish(self) -> None:
+        """Draw as finely as can be, for a picture of the window."""
+        if self.canvas is not None:
+            self.canvas.polish()
+
+    def close_gl(self) -> None:
+        """Let go of what OpenGL holds; nothing is drawn after that."""
+        if self.canvas is not None:
+            self.canvas.close_gl()
 
     def _lay_out(self) -> None:
         for widget in (self._counts, self.follow_button, self.reset_button):
@@ -83,7 +99,7 @@ class Map3dCanvas(Panel):
         for colour, text in _LEGEND:
             row.addWidget(label(f'<span style="color:{colour}">&#9632;</span> {text}', "muted"))
         row.addStretch(1)
-        row.addWidget(label("grid 0.5 m", "muted"))
+        row.addWidget(self._scale)
         self.body.addLayout(row)
 
     def _show_snapshot(self, canvas: GlCanvas, snapshot: MapSnapshot | None) -> None:
@@ -95,6 +111,7 @@ class Map3dCanvas(Panel):
         if snapshot.grid is not self._grid:
             self._grid = snapshot.grid
             self._frame(canvas, canvas.show_floor(snapshot).known)
+            self._scale.setText(f"grid {words.number(canvas.grid_step_m, 1, 'm')}")
         canvas.show_objects(snapshot)
         canvas.show_trail(snapshot)
         small = int(np.count_nonzero(np.asarray(snapshot.objects.kind) == int(ObjectKind.SMALL)))
@@ -127,7 +144,16 @@ class Map3dCanvas(Panel):
             return
         self._stack.setCurrentWidget(self._apology)
         self._stack.removeWidget(self.canvas)
+        self.close_gl()
         self.canvas.deleteLater()
         self.canvas = None
         for button in (self.follow_button, self.reset_button):
             button.setEnabled(False)
+
+
+def _make_canvas() -> GlCanvas | None:
+    try:
+        return GlCanvas()
+    except OpenGlError as error:
+        _log.warning("no 3D view: %s", error)
+        return None

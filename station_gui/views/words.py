@@ -92,10 +92,7 @@ def mission_sentence(view: OperatorView, stale_after_s: float) -> str:
 def telemetry_sentence(telemetry: Telemetry) -> str:
     stop = _STOP_SENTENCES.get(telemetry.stop_reason, "")
     state = _STATE_SENTENCES.get(telemetry.state, "")
+    parts = [stop or state, *(f"Fault: {fault}." for fault in telemetry.faults)]
     if telemetry.state is MissionState.HALTED:
-        sentence = f"{stop or state} Press Start observation to go on."
-    elif stop:
-        sentence = stop
-    else:
-        sentence = state
-    return " ".join([sentence, *(f"Fault: {fault}." for fault in telemetry.faults)])
+        parts.append("Press Start observation to go on.")
+    return " ".join(parts)
