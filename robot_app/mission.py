@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 from dataclasses import dataclass
 from enum import Enum
@@ -12,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_app.control.motion import Motion
-from shared.geometry.se2 import Pose2, wrap_angle
 from shared.messages import (
     Command,
     Drive,
@@ -28,13 +26,8 @@ from shared.messages import (
 
 @dataclass(frozen=True, slots=True)
 class MissionConfig:
-    """When the observation counts as one round of the room."""
-
-    lap_min_distance_m: float = 5.0  # a round is no shorter
-    lap_return_m: float = 0.50  # so near the start again …
-    lap_heading_rad: float = 1.0  # … and heading as at the start …
-    lap_overlap_m: float = 0.6  # … and so much further, so that SLAM sees the start twice
-    lap_max_distance_m: float = 60.0  # whoever has not come round by then will not
+    lap_overlap_m: float = 0.8  # driven on after coming round, so that SLAM sees the beginning twice
+    lap_max_distance_m: float = 80.0  # whoever has not come round by then will not
     drive_hold_s: float = 0.5  # a drive command holds for so long
 
 
@@ -51,6 +44,14 @@ class Answer:
     reason: str = ""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class PathOrder:
+    """`path`: (N, 3) as in `GoTo`."""
+
+    goal_id: int
+    path: NDArray[np.float32]
+
+
 _YES = Answer(True)
 
 
@@ -62,11 +63,10 @@ class Mission:
         self._lock = threading.RLock()
         self._state = MissionState.IDLE
         self._stop_reason = StopReason.NONE
-        self._goal_id: int | None = None
-        self._path: NDArray[np.float32] | None = None
-        self._path_revision = 0
+        self._order: PathOrder | None = None
         self._drive: tuple[Motion, float] | None = None
-        self._lap: _Lap | None = None
+        self._began_m: float | None = None  # where the observation began, in metres driven
+        self._round_m: float | None = None  # where it came round
 
     @property
     def state(self) -> MissionState:
@@ -78,10 +78,10 @@ class Mission:
         return self._stop_reason
 
     @property
-    def path(self) -> tuple[int, NDArray[np.float32] | None]:
-        """The path to follow and its revision, which grows with every new path."""
+    def order(self) -> PathOrder | None:
+        """The path to follow, None when there is none."""
         with self._lock:
-            return self._path_revision, self._path
+            return self._order
 
     def handle(self, command: Command, now_s: float) -> Answer:
         """Carry out a command."""
@@ -119,7 +119,7 @@ class Mission:
                 return Behaviour.BY_HAND
             if self._state is MissionState.OBSERVE:
                 return Behaviour.FOLLOW_WALL
-            return Behaviour.STAND if self._path is None else Behaviour.FOLLOW_PATH
+            return Behaviour.STAND if self._order is None else Behaviour.FOLLOW_PATH
 
     def hand_motion(self, now_s: float) -> Motion | None:
         """What the operator asks for by hand, while it holds."""
@@ -128,22 +128,24 @@ class Mission:
                 return None
             return self._drive[0]
 
-    def progress(self, odom_from_robot: Pose2, distance_m: float) -> None:
-        """Watch for the end of the observation: once round and a little further."""
+    def observed(self, distance_m: float, came_round: bool) -> None:
+        """Progress of the observation: the metres driven so far, and whether the wall follower is once round."""
         with self._lock:
             if self._state is not MissionState.OBSERVE:
                 return
-            if self._lap is None:
-                self._lap = _Lap(odom_from_robot, distance_m)
-            if self._lap.finished(odom_from_robot, distance_m, self._config):
+            if self._began_m is None:
+                self._began_m = distance_m
+            if came_round and self._round_m is None:
+                self._round_m = distance_m
+            overlapped = self._round_m is not None and distance_m - self._round_m >= self._config.lap_overlap_m
+            if overlapped or distance_m - self._began_m >= self._config.lap_max_distance_m:
                 self._state = MissionState.COMMAND
-                self._lap = None
 
-    def path_ended(self, revision: int) -> None:
+    def path_ended(self, order: PathOrder) -> None:
         """The car has come to the end of this path, or has given it up."""
         with self._lock:
-            if revision == self._path_revision:
-                self._path = None
+            if self._order is order:
+                self._order = None
 
     def _start(self) -> Answer:
         if self._state in {MissionState.OBSERVE, MissionState.COMMAND}:
@@ -158,9 +160,7 @@ class Mission:
             return Answer(False, "go to is possible once the observation has finished")
         if len(command.path) < 2:
             return Answer(False, "the path has fewer than two points")
-        self._goal_id = command.goal_id
-        self._path = command.path
-        self._path_revision += 1
+        self._order = PathOrder(command.goal_id, command.path)
         return _YES
 
     def _drive_by_hand(self, command: Drive, now_s: float) -> Answer:
@@ -171,27 +171,7 @@ class Mission:
         return _YES
 
     def _forget_orders(self) -> None:
-        self._path = None
+        self._order = None
         self._drive = None
-        self._lap = None
-
-
-class _Lap:
-    """One round of the room, by odometry."""
-
-    def __init__(self, start: Pose2, distance_m: float) -> None:
-        self._start = start
-        self._start_m = distance_m
-        self._back_m = math.inf
-
-    def finished(self, pose: Pose2, distance_m: float, config: MissionConfig) -> bool:
-        driven_m = distance_m - self._start_m
-        if driven_m >= config.lap_max_distance_m:
-            return True
-        if math.isinf(self._back_m) and driven_m >= config.lap_min_distance_m and self._is_back(pose, config):
-            self._back_m = distance_m
-        return distance_m >= self._back_m + config.lap_overlap_m
-
-    def _is_back(self, pose: Pose2, config: MissionConfig) -> bool:
-        turned_rad = abs(wrap_angle(pose.theta_rad - self._start.theta_rad))
-        return pose.distance_m(self._start) <= config.lap_return_m and turned_rad <= config.lap_heading_rad
+        self._began_m = None
+        self._round_m = None

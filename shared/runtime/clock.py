@@ -60,3 +60,8 @@ def stopwatch_s() -> float:
 def wall_clock_ns() -> int:
     """Nanoseconds since 1970, for the head of a recording."""
     return time.time_ns()
+
+
+def wall_clock_name() -> str:
+    """The time of day as part of a file name, to the second, UTC."""
+    return time.strftime("%Y%m%d-%H%M%S", time.gmtime())

@@ -1,0 +1,265 @@
+"""The robot app: makes everything from the hardware and the link it is given, and says what runs when."""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+from collections.abc import Callable
+from importlib.metadata import version
+
+import numpy as np
+
+from robot_app import schedule
+from robot_app.config import RobotConfig
+from robot_app.drivers.base import Hardware, PowerSample, RawScan, TemperatureSample
+from robot_app.mission import Mission
+from robot_app.perception.object_extractor import ObjectExtractor
+from robot_app.pilot import Pilot
+from robot_app.safety.guard import Guard
+from robot_app.sensing.observation import observe
+from robot_app.sensing.odometry import Odometry
+from robot_app.sensing.scan_filter import thin, thinned_geometry
+from robot_app.uplink import Uplink
+from shared.link.base import Link
+from shared.messages import (
+    Command,
+    EmergencyStop,
+    Hello,
+    MissionState,
+    ObjectNetwork,
+    ScanGeometry,
+    Stop,
+    StopReason,
+    Telemetry,
+)
+from shared.runtime.clock import Clock
+from shared.runtime.latest import Latest
+from shared.runtime.runner import OnFault, Row, Task, TaskHealth
+
+_log = logging.getLogger(__name__)
+_READ_TIMEOUT_S = 0.015
+_LOCK_TIMEOUT_S = 0.05
+_CONTROL_HUNG_S = 0.25  # without a control tick for so long the motor is cut from another thread
+
+
+class RobotApp:
+    """Cannot tell a real robot from a simulated one."""
+
+    def __init__(
+        self, hardware: Hardware, link: Link, clock: Clock, config: RobotConfig, rng: np.random.Generator
+    ) -> None:
+        self._hardware = hardware
+        self._clock = clock
+        self._config = config
+        self._geometry = thinned_geometry(hardware.scanner.geometry)
+        self._odometry = Odometry(config.odometry, config.car)
+        self._mission = Mission(config.mission)
+        self._pilot = Pilot(config.car, config.control, self._mission, self._odometry)
+        self._extractor = ObjectExtractor(config.perception, hardware.camera.intrinsics, config.camera, rng)
+        self._guard = Guard(config.safety, clock.now_s())
+        hello = Hello(
+            config.name, version("low-bandwidth-mapper"), config.car.footprint_m(), config.car.min_turning_radius_m
+        )
+        self._uplink = Uplink(link, hello)
+        self._scan: Latest[RawScan] = Latest()
+        self._objects: Latest[ObjectNetwork] = Latest()
+        self._power: Latest[PowerSample] = Latest()
+        self._temperature: Latest[TemperatureSample] = Latest()
+        self._drive_lock = threading.Lock()
+        self._standing_reason = StopReason.NONE
+        self._control_s = clock.now_s()
+        self._sequence = 0
+        self._observed_scan_s = -math.inf
+        self._sent_objects_s = -math.inf
+        self._health: Callable[[], tuple[TaskHealth, ...]] = tuple
+
+    @property
+    def geometry(self) -> ScanGeometry:
+        """Of the scans that are sent."""
+        return self._geometry
+
+    @property
+    def state(self) -> MissionState:
+        return self._mission.state
+
+    def warm_up(self) -> None:
+        """Compile all kernels and touch all buffers; call it before the tasks run."""
+        self._extractor.warm_up()
+
+    def tasks(self) -> list[Task]:
+        """In the order of the schedule's table."""
+        steps = (
+            (schedule.ODOMETRY, self._read_motion),
+            (schedule.SCAN, self._read_scan),
+            (schedule.CONTROL, self._control),
+            (schedule.COMMANDS, self._take_commands),
+            (schedule.DEPTH, self._read_depth),
+            (schedule.OBSERVE, self._observe),
+            (schedule.TELEMETRY, self._report),
+            (schedule.POWER, self._read_power),
+            (schedule.TEMPERATURE, self._read_temperature),
+        )
+        return [Task(row, self._watched(row, step)) for row, step in steps]
+
+    def use_health(self, health: Callable[[], tuple[TaskHealth, ...]]) -> None:
+        """Where the counters of the tasks are found, for telemetry."""
+        self._health = health
+
+    def on_fault(self, row: Row, error: Exception) -> None:
+        """What can move stops first."""
+        if row.on_fault is OnFault.HALT:
+            self._cut_motor()
+
+    def shut_down(self) -> None:
+        """Stop the car and say so; call it after the tasks have ended."""
+        self._cut_motor()
+        self._mission.halt(StopReason.SHUTDOWN)
+        self._report()
+        self._hardware.close()
+
+    # --- tasks ---
+
+    def _read_motion(self) -> None:
+        count = self._hardware.encoders.read(0.0)
+        imu = self._hardware.imu.read(0.0)
+        self._odometry.update(count, imu)
+
+    def _read_scan(self) -> None:
+        raw = self._hardware.scanner.read(_READ_TIMEOUT_S)
+        if raw is not None:
+            self._scan.put(thin(raw, self._hardware.scanner.geometry, self._config.scan_filter), raw.stamp_s)
+
+    def _control(self) -> None:
+        now_s = self._clock.now_s()
+        self._control_s = now_s
+        scan = self._scan.stamped()
+        if scan is not None:
+            self._pilot.take_scan(scan.value, self._geometry)
+        reason = self._reason_to_stand(now_s)
+        with self._drive_lock:
+            if self._mission.state is MissionState.HALTED and self._mission.stop_reason is StopReason.EMERGENCY:
+                self._hardware.drive.stop()
+                self._pilot.cut()
+            else:
+                self._hardware.drive.set(self._pilot.step(now_s, may_move=reason is StopReason.NONE))
+
+    def _take_commands(self) -> None:
+        now_s = self._clock.now_s()
+        self._uplink.receive(self._handle, lambda: self._guard.heard(now_s))
+        self._uplink.greet(now_s)
+        if now_s - self._control_s > _CONTROL_HUNG_S:
+            self._hardware.drive.stop()  # without the lock, which the hung thread may hold
+
+    def _read_depth(self) -> None:
+        image = self._hardware.camera.read(_READ_TIMEOUT_S)
+        if image is not None:
+            self._objects.put(self._extractor.extract(image), image.stamp_s)
+
+    def _observe(self) -> None:
+        scan = self._scan.stamped()
+        if scan is None or scan.stamp_s <= self._observed_scan_s:
+            return
+        objects = self._objects.stamped()
+        if objects is not None and not self._is_news(objects.stamp_s):
+            objects = None
+        observation = observe(self._sequence, scan.value, self._geometry, objects, self._odometry)
+        if observation is None:
+            return
+        self._observed_scan_s = scan.stamp_s
+        if self._uplink.observe(observation):
+            self._sequence += 1
+            if objects is not None:
+                self._sent_objects_s = objects.stamp_s
+
+    def _report(self) -> None:
+        state, pilot, now_s = self._odometry.state, self._pilot.state, self._clock.now_s()
+        power = self._power.fresh(now_s, schedule.POWER.max_age_s)
+        temperature = self._temperature.fresh(now_s, schedule.TEMPERATURE.max_age_s)
+        self._uplink.report(
+            Telemetry(
+                stamp_s=now_s,
+                state=self._mission.state,
+                stop_reason=self._stop_reason(),
+                odom_from_robot=state.odom_from_robot,
+                speed_mps=state.speed_mps,
+                yaw_rate_radps=state.yaw_rate_radps,
+                steering_rad=pilot.steering_rad,
+                battery_v=power.battery_v if power is not None else math.nan,
+                motor_current_a=power.motor_current_a if power is not None else math.nan,
+                cpu_temperature_c=temperature.cpu_c if temperature is not None else math.nan,
+                distance_m=state.distance_m,
+                late_ticks=sum(h.skipped for h in self._health()),
+                following_goal=pilot.following_goal,
+                faults=tuple(h.fault for h in self._health() if h.fault is not None),
+            )
+        )
+
+    def _read_power(self) -> None:
+        power = self._hardware.power.read(_READ_TIMEOUT_S)
+        if power is not None:
+            self._power.put(power, power.stamp_s)
+            self._guard.take_battery(power.battery_v)
+
+    def _read_temperature(self) -> None:
+        temperature = self._hardware.thermometer.read(_READ_TIMEOUT_S)
+        if temperature is not None:
+            self._temperature.put(temperature, temperature.stamp_s)
+            self._guard.take_temperature(temperature.cpu_c)
+
+    # --- decisions ---
+
+    def _handle(self, command: Command) -> tuple[bool, str]:
+        answer = self._mission.handle(command, self._clock.now_s())
+        if isinstance(command, EmergencyStop):
+            self._cut_motor()
+        if isinstance(command, Stop | EmergencyStop):
+            _log.warning("stopped by the operator")
+        return answer.accepted, answer.reason
+
+    def _reason_to_stand(self, now_s: float) -> StopReason:
+        reason = self._guard.reason_to_stand(now_s, self._scan.age_s(now_s), now_s - self._odometry.state.stamp_s)
+        if reason is not self._standing_reason:
+            self._standing_reason = reason
+            if self._mission.state in {MissionState.OBSERVE, MissionState.COMMAND}:
+                _log.warning("standing: %s", reason.name if reason is not StopReason.NONE else "may move again")
+        running = self._mission.state in {MissionState.OBSERVE, MissionState.COMMAND}
+        if running and self._guard.silence_s(now_s) > self._config.safety.resume_within_s:
+            self._mission.halt(StopReason.COMMAND_SILENCE)
+        return reason
+
+    def _stop_reason(self) -> StopReason:
+        if self._mission.state is MissionState.HALTED:
+            return self._mission.stop_reason
+        if self._mission.state is MissionState.IDLE:
+            return StopReason.NONE
+        if self._standing_reason is StopReason.NONE and self._pilot.state.blocked:
+            return StopReason.BLOCKED
+        return self._standing_reason
+
+    def _is_news(self, objects_stamp_s: float) -> bool:
+        fresh = self._clock.now_s() - objects_stamp_s <= schedule.DEPTH.max_age_s
+        return fresh and objects_stamp_s > self._sent_objects_s
+
+    def _cut_motor(self) -> None:
+        """Waits for a control tick under way, but not for one that hangs."""
+        waited = self._drive_lock.acquire(timeout=_LOCK_TIMEOUT_S)
+        self._hardware.drive.stop()
+        if waited:
+            self._pilot.cut()
+            self._drive_lock.release()
+
+    def _watched(self, row: Row, step: Callable[[], None]) -> Callable[[], None]:
+        """A task without which the car must not move keeps it from moving while it fails."""
+        if row.on_fault is not OnFault.HALT:
+            return step
+
+        def watched() -> None:
+            try:
+                step()
+            except Exception as error:
+                self._guard.fault_began(row.name, str(error))
+                raise
+            self._guard.fault_ended(row.name)
+
+        return watched

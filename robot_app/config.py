@@ -1,0 +1,60 @@
+"""Everything that can be set about the robot, as `robot.toml` holds it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from robot_app.control.obstacle_avoidance import AvoidanceConfig
+from robot_app.control.obstacle_memory import ObstacleMemoryConfig
+from robot_app.control.path_follower import PathFollowerConfig
+from robot_app.control.speed import SpeedConfig
+from robot_app.control.wall_follower import WallFollowerConfig
+from robot_app.mission import MissionConfig
+from robot_app.perception.config import PerceptionConfig
+from robot_app.safety.bands import SafetyConfig
+from robot_app.sensing.odometry import OdometryConfig
+from robot_app.sensing.scan_filter import ScanFilterConfig
+from shared.config import load
+from shared.geometry.ackermann import CarGeometry
+from shared.geometry.camera import CameraMount
+
+DEFAULT_PATH = Path(__file__).with_name("robot.toml")
+
+
+@dataclass(frozen=True, slots=True)
+class LinkConfig:
+    port: int = 47100
+    bind: str = "0.0.0.0"  # noqa: S104 - the robot is reached from the lab's network
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.port <= 65_535:
+            raise ValueError(f"port must be from 0 to 65535, not {self.port}")
+
+
+@dataclass(frozen=True, slots=True)
+class ControlConfig:
+    memory: ObstacleMemoryConfig = field(default_factory=ObstacleMemoryConfig)
+    wall: WallFollowerConfig = field(default_factory=WallFollowerConfig)
+    path: PathFollowerConfig = field(default_factory=PathFollowerConfig)
+    avoidance: AvoidanceConfig = field(default_factory=AvoidanceConfig)
+    speed: SpeedConfig = field(default_factory=SpeedConfig)
+
+
+@dataclass(frozen=True, slots=True)
+class RobotConfig:
+    name: str
+    car: CarGeometry
+    camera: CameraMount
+    link: LinkConfig = field(default_factory=LinkConfig)
+    odometry: OdometryConfig = field(default_factory=OdometryConfig)
+    scan_filter: ScanFilterConfig = field(default_factory=ScanFilterConfig)
+    perception: PerceptionConfig = field(default_factory=PerceptionConfig)
+    control: ControlConfig = field(default_factory=ControlConfig)
+    mission: MissionConfig = field(default_factory=MissionConfig)
+    safety: SafetyConfig = field(default_factory=SafetyConfig)
+
+
+def load_config(path: Path | None) -> RobotConfig:
+    """The file at `path`, or the one that comes with the app. Raises `ConfigError`."""
+    return load(path or DEFAULT_PATH, RobotConfig)

@@ -1,0 +1,127 @@
+"""Drives: composes the controllers, from the mission's behaviour down to the motor's duty (paper 1, figure 4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_app.config import ControlConfig
+from robot_app.control.motion import STAND_STILL, Motion
+from robot_app.control.obstacle_avoidance import AvoidanceState, Avoided, ObstacleAvoidance, Wish
+from robot_app.control.obstacle_memory import ObstacleMemory
+from robot_app.control.path_follower import PathFollower, PathState
+from robot_app.control.speed import SpeedController
+from robot_app.control.wall_follower import WallFollower, WallState
+from robot_app.drivers.base import DriveSetting, RawScan
+from robot_app.mission import Behaviour, Mission, PathOrder
+from robot_app.sensing.odometry import Odometry, OdometryState
+from shared.geometry.ackermann import CarGeometry
+from shared.messages import ScanGeometry
+
+_FREE_STEERING_RAD = 0.6  # the wall follower's steering may be changed as the obstacles ask
+_PATH_STEERING_RAD = 0.12  # a planned path is free already; only small corrections are taken
+_HAND_STEERING_RAD = 0.0  # the operator steers; the car only refuses to hit things
+
+
+@dataclass(frozen=True, slots=True)
+class PilotState:
+    """What telemetry shows."""
+
+    steering_rad: float
+    following_goal: int
+    blocked: bool
+
+
+class Pilot:
+    """Step it at 50 Hz. One thread."""
+
+    def __init__(self, car: CarGeometry, config: ControlConfig, mission: Mission, odometry: Odometry) -> None:
+        self._mission = mission
+        self._odometry = odometry
+        self._memory = ObstacleMemory(config.memory)
+        self._wall = WallFollower(config.wall)
+        self._path = PathFollower(car, config.path)
+        self._avoidance = ObstacleAvoidance(car, config.avoidance)
+        self._speed = SpeedController(config.speed)
+        self._behaviour = Behaviour.STAND
+        self._order: PathOrder | None = None
+        self._steering_rad = 0.0
+        self._scan_stamp_s = -np.inf
+        self._points_m: NDArray[np.float64] = np.zeros((0, 2))
+        self._avoided = Avoided(STAND_STILL, AvoidanceState.CLEAR, 0.0, 0.0)
+
+    @property
+    def state(self) -> PilotState:
+        order = self._order
+        return PilotState(
+            self._steering_rad,
+            order.goal_id if order is not None and self._behaviour is Behaviour.FOLLOW_PATH else 0,
+            self._avoided.state is AvoidanceState.BLOCKED,
+        )
+
+    def take_scan(self, scan: RawScan, geometry: ScanGeometry) -> None:
+        """Remember what stands where."""
+        seen = self._odometry.at(scan.stamp_s)
+        if seen is None or scan.stamp_s <= self._scan_stamp_s:
+            return
+        self._scan_stamp_s = scan.stamp_s
+        self._memory.add_scan(
+            scan.stamp_s, scan.ranges_m, geometry, seen.odom_from_robot, seen.speed_mps, seen.yaw_rate_radps
+        )
+
+    def step(self, now_s: float, may_move: bool) -> DriveSetting:
+        """What the motor and the servo are to do now."""
+        state = self._odometry.state
+        behaviour = self._mission.behaviour(now_s) if may_move else Behaviour.STAND
+        if behaviour is not self._behaviour:
+            self._begin(behaviour)
+        if behaviour is Behaviour.STAND:
+            motion = Motion(0.0, self._steering_rad)
+        else:
+            motion = self._drive(now_s, behaviour, state)
+        self._steering_rad = motion.steering_rad
+        return DriveSetting(self._speed.step(now_s, motion.speed_mps, state.speed_mps), motion.steering_rad)
+
+    def cut(self) -> None:
+        """The motor was cut from outside: forget what the speed loop has wound up."""
+        self._speed.reset()
+
+    def _begin(self, behaviour: Behaviour) -> None:
+        was, self._behaviour = self._behaviour, behaviour
+        if behaviour is not Behaviour.STAND:
+            self._avoidance.reset()
+        if behaviour is Behaviour.FOLLOW_WALL and was is not Behaviour.BY_HAND:
+            self._wall.reset()
+
+    def _drive(self, now_s: float, behaviour: Behaviour, state: OdometryState) -> Motion:
+        pose = state.odom_from_robot
+        self._points_m = self._memory.points_m(now_s, pose)
+        wish = self._wish(now_s, behaviour, state)
+        self._avoided = self._avoidance.step(now_s, wish, self._points_m, pose, state.speed_mps, self._steering_rad)
+        return self._avoided.motion
+
+    def _wish(self, now_s: float, behaviour: Behaviour, state: OdometryState) -> Wish:
+        if behaviour is Behaviour.BY_HAND:
+            return Wish(self._mission.hand_motion(now_s) or STAND_STILL, _HAND_STEERING_RAD)
+        if behaviour is Behaviour.FOLLOW_PATH:
+            return self._path_wish(state)
+        return self._wall_wish(state)
+
+    def _wall_wish(self, state: OdometryState) -> Wish:
+        step = self._wall.step(self._points_m, state.odom_from_robot, self._avoided.clearance_ahead_m)
+        self._mission.observed(state.distance_m, step.state is WallState.DONE)
+        return Wish(step.motion, _FREE_STEERING_RAD, step.carrot_m, may_reverse=True)
+
+    def _path_wish(self, state: OdometryState) -> Wish:
+        order = self._mission.order
+        if order is None:
+            return Wish(STAND_STILL)
+        if order is not self._order:
+            self._order = order
+            self._path.set_path(order.path)
+        step = self._path.step(state.odom_from_robot, state.speed_mps)
+        if step.state is not PathState.FOLLOWING:
+            self._mission.path_ended(order)
+        return Wish(step.motion, _PATH_STEERING_RAD)

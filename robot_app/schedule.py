@@ -1,0 +1,18 @@
+"""The schedule: every task of the robot, in the order in which they are called in lock-step."""
+
+from __future__ import annotations
+
+from shared.runtime.runner import OnFault, Row
+
+#                   name         rate Hz  max age s  budget s  on fault
+ODOMETRY = Row("odometry", 100.0, 0.10, 0.004, OnFault.HALT)
+SCAN = Row("scan", 50.0, 0.20, 0.010, OnFault.HALT)  # the scanner's own rate is 25 Hz
+CONTROL = Row("control", 50.0, 0.10, 0.010, OnFault.HALT)
+COMMANDS = Row("commands", 50.0, 1.00, 0.010, OnFault.RETRY)
+DEPTH = Row("depth", 10.0, 0.50, 0.050, OnFault.DEGRADE)
+OBSERVE = Row("observe", 10.0, 0.50, 0.010, OnFault.RETRY)
+TELEMETRY = Row("telemetry", 5.0, 0.50, 0.005, OnFault.RETRY)
+POWER = Row("power", 10.0, 1.00, 0.020, OnFault.DEGRADE)
+TEMPERATURE = Row("temperature", 1.0, 5.00, 0.020, OnFault.DEGRADE)
+
+TABLE = (ODOMETRY, SCAN, CONTROL, COMMANDS, DEPTH, OBSERVE, TELEMETRY, POWER, TEMPERATURE)

@@ -1,0 +1,62 @@
+"""What all the commands have in common: how they log, how they end."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from shared.config import ConfigError
+from shared.link.base import LinkError
+
+EXIT_OK = 0
+EXIT_FAILED = 1
+EXIT_MISUSE = 2  # a wrong port, key, file or option: the line printed names it
+
+
+class Refused(Exception):
+    """Something the user gave cannot be used; the text is one line that names it."""
+
+
+def run(name: str, work: Callable[[], int], also: tuple[type[Exception], ...] = ()) -> int:
+    """Call `work`; errors of the user's making become one line on stderr and exit code 2."""
+    try:
+        return work()
+    except (Refused, ConfigError, LinkError, *also) as error:
+        print(f"{name}: {error}", file=sys.stderr)  # noqa: T201 - the command's own words
+        return EXIT_MISUSE
+    except KeyboardInterrupt:
+        return EXIT_OK
+
+
+def set_up_logging(verbose: bool) -> None:
+    logging.basicConfig(
+        level=logging.DEBUG if verbose else logging.INFO,
+        format="%(asctime)s.%(msecs)03d %(levelname)-7s %(name)s: %(message)s",
+        datefmt="%H:%M:%S",
+        stream=sys.stderr,
+    )
+    logging.getLogger("numba").setLevel(logging.WARNING)
+
+
+def address(text: str) -> tuple[str, int]:
+    """`host:port` of a command line."""
+    host, colon, port = text.rpartition(":")
+    if not colon or not host:
+        raise argparse.ArgumentTypeError(f"{text!r} is no address; write host:port, for example 192.168.1.20:47100")
+    return host, port_number(port)
+
+
+def port_number(text: str) -> int:
+    if not text.isdecimal() or not 0 <= int(text) <= 65_535:
+        raise argparse.ArgumentTypeError(f"{text!r} is no port; a port is a number from 0 to 65535")
+    return int(text)
+
+
+def existing_file(text: str) -> Path:
+    path = Path(text)
+    if not path.is_file():
+        raise argparse.ArgumentTypeError(f"{text}: there is no such file")
+    return path

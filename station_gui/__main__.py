@@ -1,0 +1,51 @@
+"""`station-gui`: the operator's window."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import secrets
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from shared.command_line import Refused, address, run, set_up_logging
+from station_gui.config import RecordingConfig, load_config
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="station-gui",
+        description="The operator's window: connects to a robot, shows its live 2D and 3D map, commands it.",
+        epilog="example: station-gui --connect 192.168.1.20:47100",
+    )
+    parser.add_argument("--connect", metavar="HOST:PORT", type=address, help="connect to this robot at once")
+    parser.add_argument(
+        "--config", metavar="FILE", type=Path, help="settings instead of the station.toml that comes along"
+    )
+    parser.add_argument("--recordings", metavar="DIR", help="where missions are recorded; '' records nothing")
+    parser.add_argument("--verbose", action="store_true", help="log everything")
+    return parser
+
+
+def _work(args: argparse.Namespace) -> int:
+    config = load_config(args.config)
+    if args.recordings is not None:
+        config = replace(config, recording=RecordingConfig(args.recordings))
+    if sys.platform == "linux" and not any(
+        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
+    ):
+        raise Refused("there is no display; start it on a desktop, or with: xvfb-run -a station-gui")
+    from station_gui.app import run_window  # noqa: PLC0415 - Qt is loaded only once a window can open
+
+    return run_window(config, secrets.randbits(31), args.connect)
+
+
+def main() -> int:
+    args = _parser().parse_args()
+    set_up_logging(args.verbose)
+    return run("station-gui", lambda: _work(args))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,46 @@
+"""Puts a station together, without a window."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+from shared.link.base import Link
+from shared.link.tcp import TcpClientLink
+from shared.runtime.clock import Clock, wall_clock_name
+from station_gui.config import StationConfig
+from station_gui.mapping.pipeline import MappingPipeline
+from station_gui.mapping.slam2d.graph_slam import GraphSlam
+from station_gui.model.station import MakeLink, NameRecording, Station
+from station_gui.planning.planner import Planner
+
+
+def build_pipeline(config: StationConfig) -> MappingPipeline:
+    return MappingPipeline(GraphSlam(config.slam), config.combine)
+
+
+def build_station(
+    config: StationConfig,
+    clock: Clock,
+    first_command: int,
+    make_link: MakeLink | None = None,
+    name_recording: NameRecording | None = None,
+) -> Station:
+    """A station that connects over TCP and records as configured, unless told otherwise."""
+    return Station(
+        config.session,
+        clock,
+        make_link or partial(_connect_tcp, timeout_s=config.session.connect_timeout_s),
+        partial(build_pipeline, config),
+        Planner(config.planner, config.car),
+        name_recording or partial(_name_recording, config.recording.folder),
+        first_command,
+    )
+
+
+def _connect_tcp(host: str, port: int, timeout_s: float) -> Link:
+    return TcpClientLink(host, port, timeout_s)
+
+
+def _name_recording(folder: str) -> Path | None:
+    return Path(folder) / f"mission-{wall_clock_name()}.mcap" if folder else None

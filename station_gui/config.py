@@ -1,0 +1,37 @@
+"""Everything that can be set about the station, as `station.toml` holds it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from shared.config import load
+from shared.geometry.ackermann import CarGeometry
+from station_gui.comms.session import SessionConfig
+from station_gui.mapping.objects.combine import CombineConfig
+from station_gui.mapping.slam2d.config import GraphSlamConfig
+from station_gui.planning.planner import PlannerConfig
+from station_gui.views.config import WindowConfig
+
+DEFAULT_PATH = Path(__file__).with_name("station.toml")
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingConfig:
+    folder: str = "recordings"  # one file per connection; empty records nothing
+
+
+@dataclass(frozen=True, slots=True)
+class StationConfig:
+    car: CarGeometry
+    session: SessionConfig = field(default_factory=SessionConfig)
+    slam: GraphSlamConfig = field(default_factory=GraphSlamConfig)
+    combine: CombineConfig = field(default_factory=CombineConfig)
+    planner: PlannerConfig = field(default_factory=PlannerConfig)
+    window: WindowConfig = field(default_factory=WindowConfig)
+    recording: RecordingConfig = field(default_factory=RecordingConfig)
+
+
+def load_config(path: Path | None) -> StationConfig:
+    """The file at `path`, or the one that comes with the station. Raises `ConfigError`."""
+    return load(path or DEFAULT_PATH, StationConfig)

@@ -1,0 +1,35 @@
+"""`evaluate`: measures the shipped pipeline, against the truth or against public benchmarks."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from shared.command_line import run, set_up_logging
+from tools.evaluate import extraction, mission, slam
+from tools.logs.base import LogError
+
+_COMMANDS = {
+    "mission": (mission, "the demo's mission in lock-step, no window"),
+    "slam": (slam, "2D SLAM on a recorded log, against hand-made relations"),
+    "extraction": (extraction, "3D object extraction on depth images"),
+}
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="evaluate", description=__doc__)
+    parser.add_argument("--verbose", action="store_true", help="log everything")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for name, (module, text) in _COMMANDS.items():
+        module.add_arguments(commands.add_parser(name, help=text, description=text))
+    return parser
+
+
+def main() -> int:
+    args = _parser().parse_args()
+    set_up_logging(args.verbose)
+    return run("evaluate", lambda: _COMMANDS[args.command][0].run(args), also=(LogError,))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
