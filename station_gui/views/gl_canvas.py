@@ -26,7 +26,7 @@ from station_gui.views.pose import finite_rows
 _log = logging.getLogger(__name__)
 _NO_LINES = np.zeros((0, 3), np.float32)
 _GRID_STEP_M = 0.5
-_MAX_GRID_LINES_M = 60.0  # beyond this the floor grid would be a carpet
+_FINE_GRID_UPTO_M = 40.0  # on a larger floor this grid would be a carpet
 _ELEVATION_DEG = 52.0
 _AZIMUTH_DEG = -68.0
 _SAMPLES = 4  # for each pixel; a processor that draws in software takes twice as long with them
@@ -51,7 +51,7 @@ class GlCanvas(GLViewMixin, QWidget):  # type: ignore[misc]  # pyqtgraph has no 
         self.setMinimumSize(260, 220)  # it has no size hint: a layout would give it nothing
         self.setBackgroundColor(theme.SCENE_SKY)
         self._floor = gl.GLImageItem(np.zeros((1, 1, 4), np.uint8), glOptions="opaque")
-        self._floor_grid = _lines(theme.MAP_OCCUPIED, 1.0, 0.22)
+        self._floor_grid = _lines(theme.MAP_OCCUPIED, 1.5, 0.25)
         self._large = _lines(theme.OBJECT_LARGE, 2.2)
         self._small = _lines(theme.OBJECT_SMALL, 2.2)
         self._trail = _lines(theme.TRAJECTORY, 2.0, mode="line_strip")
@@ -136,11 +136,9 @@ class GlCanvas(GLViewMixin, QWidget):  # type: ignore[misc]  # pyqtgraph has no 
         self._floor.resetTransform()
         self._floor.scale(extent.width_m / picture.levels.shape[1], extent.height_m / picture.levels.shape[0], 1.0)
         self._floor.translate(extent.left_m, extent.bottom_m, 0.0)
-        self.grid_step_m = step_m = (
-            _GRID_STEP_M if max(extent.width_m, extent.height_m) < _MAX_GRID_LINES_M else 10 * _GRID_STEP_M
-        )
-        lines = scene3d.floor_lines_m(extent.left_m, extent.bottom_m, extent.width_m, extent.height_m, step_m)
-        _set_lines(self._floor_grid, _raised(lines[:, :2], 0.002))
+        wide = max(extent.width_m, extent.height_m) > _FINE_GRID_UPTO_M
+        self.grid_step_m = 10 * _GRID_STEP_M if wide else _GRID_STEP_M
+        _set_lines(self._floor_grid, _raised(scene3d.floor_lines_m(extent, self.grid_step_m), 0.002))
         return picture
 
     def show_objects(self, snapshot: MapSnapshot) -> None:
@@ -188,7 +186,7 @@ class GlCanvas(GLViewMixin, QWidget):  # type: ignore[misc]  # pyqtgraph has no 
 
     def _fit(self, known: Extent, aspect: float) -> Fit:
         low = np.array([known.left_m, known.bottom_m, 0.0])
-        high = low + (known.width_m, known.height_m, _KEPT_HEIGHT_M)
+        high = low + np.array([known.width_m, known.height_m, _KEPT_HEIGHT_M])
         angles = CameraAngles(*(math.radians(self.opts[name]) for name in ("azimuth", "elevation", "fov")))
         return fit_box(low, high, angles, aspect)
 
