@@ -53,11 +53,13 @@ class MapLayers:
 
     def __init__(self, view_box: pg.ViewBox) -> None:
         self._image = pg.ImageItem(axisOrder="row-major", lut=colour_table(), levels=(0, 255))
-        self._trajectory = pg.PlotCurveItem(pen=pg.mkPen(theme.TRAJECTORY, width=2))
+        self._trajectory = pg.PlotCurveItem(antialias=True, pen=pg.mkPen(theme.TRAJECTORY, width=2))
         self._keyframes = _dots(theme.TRAJECTORY, 4)
-        self._closures = pg.PlotCurveItem(pen=pg.mkPen(theme.CLOSURE, width=1.5), connect="pairs")
+        self._closures = pg.PlotCurveItem(antialias=True, pen=pg.mkPen(theme.CLOSURE, width=1.5), connect="pairs")
         self._scan = _dots(theme.SCAN, 4)
-        self._path = pg.PlotCurveItem(pen=pg.mkPen(theme.PATH, width=2.5, style=pg.QtCore.Qt.PenStyle.DashLine))
+        self._path = pg.PlotCurveItem(
+            antialias=True, pen=pg.mkPen(theme.PATH, width=2.5, style=pg.QtCore.Qt.PenStyle.DashLine)
+        )
         self._goal = pg.ScatterPlotItem(size=26, symbol="crosshair", pen=pg.mkPen(theme.GOAL, width=2.5), brush=None)
         self._robot = _polygon(theme.ROBOT, 190)
         self._nose = _polygon("#ffffff", 235)

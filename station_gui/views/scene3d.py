@@ -10,12 +10,14 @@ from PySide6.QtGui import QColor
 
 from station_gui.mapping.snapshot import ObjectKind, ObjectMap
 from station_gui.qt import theme
+from station_gui.views.grid_picture import Extent
 from station_gui.views.pose import finite_rows
 
 ROBOT_HEIGHT_M = 0.20  # paper 1, figure 2: 350 x 200 x 200 mm
 _WHEEL_RADIUS_M = 0.04
 _WHEEL_WIDTH_M = 0.035
 _WHEEL_SIDES = 14
+_MAX_LINES = 200
 # How much light a face gets by where it points: top, ends, sides. Fixed to the robot, so that it reads as a body.
 _SHADES = {"top": 1.12, "front": 0.92, "back": 0.70, "side": 0.80, "bottom": 0.5}
 
@@ -48,15 +50,18 @@ def robot_mesh(corners_m: NDArray[np.float64]) -> Mesh:
     return _joined([body, *wheels, _arrow(low, high)])
 
 
-def floor_lines_m(
-    left_m: float, bottom_m: float, width_m: float, height_m: float, step_m: float
-) -> NDArray[np.float32]:
-    """(2 N, 3): a grid of lines on the floor at whole multiples of `step_m`."""
-    xs = np.arange(np.ceil(left_m / step_m), np.floor((left_m + width_m) / step_m) + 1) * step_m
-    ys = np.arange(np.ceil(bottom_m / step_m), np.floor((bottom_m + height_m) / step_m) + 1) * step_m
-    lines = [((x, bottom_m, 0.0), (x, bottom_m + height_m, 0.0)) for x in xs]
-    lines += [((left_m, y, 0.0), (left_m + width_m, y, 0.0)) for y in ys]
-    return np.array(lines, np.float32).reshape(-1, 3)
+def floor_lines_m(extent: Extent, step_m: float) -> NDArray[np.float32]:
+    """(2 N, 2): a grid over `extent` at whole multiples of `step_m`, both ends of each line one after the other.
+
+    On a very wide map the lines stand further apart, so that there are never more than a few hundred.
+    """
+    step_m *= max(1.0, float(np.ceil(max(extent.width_m, extent.height_m) / step_m / _MAX_LINES)))
+    right_m, top_m = extent.left_m + extent.width_m, extent.bottom_m + extent.height_m
+    xs = np.arange(np.ceil(extent.left_m / step_m), np.floor(right_m / step_m) + 1) * step_m
+    ys = np.arange(np.ceil(extent.bottom_m / step_m), np.floor(top_m / step_m) + 1) * step_m
+    lines = [((x, extent.bottom_m), (x, top_m)) for x in xs]
+    lines += [((extent.left_m, y), (right_m, y)) for y in ys]
+    return np.array(lines, np.float32).reshape(-1, 2)
 
 
 def rgba(colour: str, alpha: float = 1.0) -> tuple[float, float, float, float]:

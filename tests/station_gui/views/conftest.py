@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -162,7 +163,7 @@ def lab_objects() -> ObjectMap:
             at = start + np.linspace(0, 1, pieces + 1)[:, None] * (end - start)
             for level in np.linspace(0.05, height, 3):
                 nodes = np.column_stack((at, np.full(len(at), level))) + rng.normal(0, 0.012, (len(at), 3))
-                add([*zip(nodes[:-1], nodes[1:], strict=True)], kind, cluster)
+                add([*itertools.pairwise(nodes)], kind, cluster)
             posts = [((x, y, 0.04), (x, y, height)) for x, y in at]
             add(posts, kind, cluster)
 
