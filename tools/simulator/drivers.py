@@ -192,6 +192,7 @@ class RealTimePump:
         self._thread = threading.Thread(target=self._run, name="simulator", daemon=True)
 
     def start(self) -> None:
+        self._world.set_clock(self._clock.now_s())
         self._thread.start()
 
     def stop(self) -> bool:

@@ -85,6 +85,12 @@ class World:
                 self._step()
             self.moved.notify_all()
 
+    def set_clock(self, time_s: float) -> None:
+        """Say what time it is on the robot's clock, before the world moves for the first time."""
+        with self.moved:
+            assert self.steps == 0, "the world has moved already"
+            self._offset_s = time_s
+
     def stand_still(self, seconds: float) -> None:
         """Let the clock run on without the world."""
         with self.moved:

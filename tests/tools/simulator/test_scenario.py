@@ -1,0 +1,85 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shared.config import ConfigError
+from tools.evaluate.map_error import reachable_surface, standing_places_m
+from tools.simulator.plan_view import plan_view
+from tools.simulator.scenario import Goal, Item, Scenario, Start, find_scenario, scenario_names
+from tools.simulator.solids import solids_of
+from tools.simulator.truth import true_surfaces
+
+
+def test_the_lab_has_the_size_of_the_papers_lab_and_clutter_that_the_scanner_sees() -> None:
+    lab = find_scenario("lab")
+    assert (lab.room.length_x_m, lab.room.width_y_m) == (3.95, 4.2)
+    assert len(lab.items) >= 20
+    assert all(item.size_m[2] >= 0.10 for item in lab.items)
+
+
+def test_start_and_goals_of_every_scenario_can_be_reached_by_the_car() -> None:
+    for name in scenario_names():
+        scenario = find_scenario(name)
+        places = standing_places_m(true_surfaces(scenario))
+        for goal in scenario.goals:
+            assert np.hypot(*(places - goal.position_m).T).min() < 0.05
+
+
+def test_the_way_round_the_lab_is_wide() -> None:
+    """A disc of 0.86 m can go from the start round the island: its centre reaches all four sides."""
+    lab = find_scenario("lab")
+    surfaces = true_surfaces(lab)
+    xs, ys = np.meshgrid(np.arange(0.02, 3.95, 0.04), np.arange(0.02, 4.2, 0.04))
+    points = np.column_stack((xs.ravel(), ys.ravel()))
+    start, along = surfaces.segments_m[:, 0], surfaces.segments_m[:, 1] - surfaces.segments_m[:, 0]
+    to_point = points[:, None] - start
+    t = np.clip(np.sum(to_point * along, 2) / np.sum(along * along, 1), 0, 1)
+    distance = np.linalg.norm(to_point - t[..., None] * along, axis=2).min(axis=1)
+    free = points[distance > 0.43]
+    sides = ((2.0, 1.0), (3.0, 2.1), (2.0, 3.2), (0.87, 2.1))
+    assert all(np.hypot(*(free - side).T).min() < 0.15 for side in sides)
+
+
+def test_most_of_the_labs_surface_can_be_seen() -> None:
+    seen = reachable_surface(true_surfaces(find_scenario("lab")))
+    assert 25.0 < len(seen.points_m) * 0.01 < 45.0
+
+
+def test_a_wrong_name_lists_the_known_ones() -> None:
+    with pytest.raises(ConfigError, match=r"no scenario 'lap'; known are .*lab"):
+        find_scenario("lap")
+
+
+def test_a_path_is_accepted_and_a_misspelt_key_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text('name = "mine"\n[start]\nposition_m = [1.0, 1.0]\n')
+    assert find_scenario(str(path)).name == "mine"
+    path.write_text('name = "mine"\n[start]\nposition = [1.0, 1.0]\n')
+    with pytest.raises(ConfigError, match=r"mine.toml: unknown key start.position, did you mean start.position_m"):
+        find_scenario(str(path))
+
+
+def test_things_that_the_scanner_would_miss_are_refused() -> None:
+    with pytest.raises(ValueError, match="carpet"):
+        Item("carpet", (1.0, 1.0), (1.0, 1.0, 0.02))
+
+
+def test_goals_are_given_in_the_frame_of_the_start_pose() -> None:
+    scenario = Scenario("test", Start((1.0, 2.0), 90.0), goals=(Goal((1.0, 3.5)),))
+    assert scenario.goals_in_start_frame_m()[0] == pytest.approx((1.5, 0.0))
+
+
+def test_a_table_stands_on_four_legs_and_a_chair_has_a_back() -> None:
+    table = Item("table", (1.0, 1.0), (0.8, 0.6, 0.7), "table")
+    chair = Item("chair", (3.0, 3.0), (0.4, 0.4, 0.9), "chair")
+    names = [solid.name for solid in solids_of(Scenario("test", Start((2.0, 2.0)), items=(table, chair)))]
+    assert sum(name.startswith("table_leg") for name in names) == 4
+    assert "chair_back" in names
+
+
+def test_a_plan_has_the_rooms_proportions() -> None:
+    image = plan_view(find_scenario("lab"), np.array([(1.0, 1.0), (2.0, 1.0)]), pixels_per_m=50)
+    assert image.size == (round(4.35 * 150) // 3, round(4.6 * 150) // 3)
