@@ -58,7 +58,7 @@ def find_open(z: F32, min_cells: int, open_rows: I32) -> None:
 @njit(nogil=True, cache=True)
 def edge_measure(inner_m: float, outer_m: float, alpha: float) -> float:
     """P_edge of one axis (eqs 8 and 9): positive where one neighbour is 1 + alpha times as far as the other."""
-    difference = abs(inner_m - outer_m)
+    difference: float = abs(inner_m - outer_m)
     return max(difference - inner_m * alpha, difference - outer_m * alpha)
 
 
@@ -224,12 +224,14 @@ def mark_floor(
     up: F64,
     height_m: float,
     per_m: float,
+    noise: float,
     floor: U8,
 ) -> None:
     """`floor`: (R, C) uint8, 1 where a point is lower than `height_m` plus `per_m` for each metre of depth.
 
     In the upper three quarters of that height a point is none of the floor when the one above it is as near: the
-    floor falls back from row to row, the foot of an object does not.
+    floor falls back from row to row, the foot of an object does not. That is asked where the floor falls back by
+    more than the noise, `noise` of the depth at 1 m.
     """
     half = stride // 2
     for i in range(z.shape[0]):
@@ -249,7 +251,7 @@ def mark_floor(
                 continue
             fall_above = fall - up[1] * (slope_y[half + i * stride] - slope_y[half + (i - 1) * stride])
             back = OPEN if fall_above >= 0.0 else up[3] / -fall_above - up[3] / -fall
-            if z[i - 1, j] - z0 < min(0.4 * back, cell_width * z0):
+            if back > 8.0 * noise * z0 * z0 and z[i - 1, j] - z0 < min(0.4 * back, cell_width * z0):
                 floor[i, j] = 0
 
 
@@ -432,8 +434,8 @@ def label_curves(
 ) -> None:
     """Joins edge points to curves: those with at most two empty cells between them and near each other in depth.
 
-    `label`: (E,) one number for all points of a curve. `extent_m`: (E,) the diagonal of the curve's box, for each of its
-    points. `box_m`: (E, 6) room to work in.
+    `label`: (E,) one number for all points of a curve. `extent_m`: (E,) the diagonal of the curve's box, for each of
+    its points. `box_m`: (E, 6) room to work in.
     """
     rows, columns = edge_at.shape
     for a in range(count):
@@ -474,6 +476,7 @@ def corner_scores(edge_m: F32, edge_at: I32, cell_width: float, score: F32, smoo
 
     It is how far the centre of the neighbouring edge points lies off, as a share of their mean distance.
     `smooth_m`: (E, 3) that centre for points in the middle, which has less noise; the point itself for corners.
+    A point with less than two others within two cells is a stray one: its score is -1.
     """
     rows, columns = edge_at.shape
     reach = 4
@@ -484,7 +487,7 @@ def corner_scores(edge_m: F32, edge_at: I32, cell_width: float, score: F32, smoo
                 continue
             x, y, z = edge_m[index, 0], edge_m[index, 1], edge_m[index, 2]
             limit = (2.5 * reach * cell_width * z) ** 2
-            sx, sy, sz, total, n = 0.0, 0.0, 0.0, 0.0, 0
+            sx, sy, sz, total, n, close = 0.0, 0.0, 0.0, 0.0, 0, 0
             for k in range(max(i - reach, 0), min(i + reach + 1, rows)):
                 for m in range(max(j - reach, 0), min(j + reach + 1, columns)):
                     other = edge_at[k, m]
@@ -494,6 +497,10 @@ def corner_scores(edge_m: F32, edge_at: I32, cell_width: float, score: F32, smoo
                     square = dx * dx + dy * dy + dz * dz
                     if square < limit:
                         sx, sy, sz, total, n = sx + dx, sy + dy, sz + dz, total + math.sqrt(square), n + 1
+                        close += abs(k - i) <= 2 and abs(m - j) <= 2
+            if close < 2:
+                score[index] = -1.0
+                continue
             score[index] = math.sqrt(sx * sx + sy * sy + sz * sz) / total if n >= 3 and total > 0.0 else 0.0
             share = 1.0 / (n + 1) if score[index] < 0.35 else 0.0
             smooth_m[index, 0] = x + sx * share
@@ -529,14 +536,14 @@ def choose_samples(
     for i in range(edge_at.shape[0]):
         for j in range(edge_at.shape[1]):
             index = edge_at[i, j]
-            if index >= 0 and extent_m[index] >= min_extent_m:
+            if index >= 0 and extent_m[index] >= min_extent_m and score[index] >= 0.0:
                 kept += 1.0 if score[index] > corner else min(1.0, share_per_m * smooth_m[index, 2])
     squeeze = min(1.0, 0.95 * limit / max(kept, 1.0))
     count = 0
     for i in range(edge_at.shape[0]):
         for j in range(edge_at.shape[1]):
             index = edge_at[i, j]
-            if index < 0 or extent_m[index] < min_extent_m or count >= limit:
+            if index < 0 or extent_m[index] < min_extent_m or score[index] < 0.0 or count >= limit:
                 continue
             share = 1.0 if score[index] > corner else min(1.0, share_per_m * smooth_m[index, 2])
             if rank[i, j] < squeeze * share:

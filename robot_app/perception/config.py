@@ -24,9 +24,9 @@ class EdgeConfig:
     max_hole_cells: int = 12  # how far to look for the other side of a hole: the shadow beside a near object
     # So many cells without return from the top of the image down are open space and not a cut of the sensor's.
     min_open_cells: int = 4
+    depth_noise: float = 0.0015  # standard deviation at 1 m, in metres; grows with the square of the depth
     crease_angle_rad: float = 0.70  # two flat surfaces that meet at a sharper angle make an edge
     crease_arm_m: float = 0.08  # how much of each surface is looked at
-    crease_noise: float = 0.0015  # of the depth at 1 m, in metres; grows with its square
     floor_height_m: float = 0.02  # what is lower than this belongs to the floor,
     floor_slope: float = 0.012  # and this much more for each metre of distance: the car's pitch under its springs
     sample_spacing_m: float = 0.02  # of the sample nodes along an edge

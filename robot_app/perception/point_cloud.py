@@ -84,6 +84,7 @@ class EdgeCloud:
             self.up,
             config.floor_height_m,
             config.floor_slope,
+            config.depth_noise,
             self._floor,
         )
 
@@ -146,7 +147,7 @@ class EdgeCloud:
             vertical,
             config.crease_arm_m,
             config.crease_angle_rad,
-            config.crease_noise,
+            config.depth_noise,
             self._bend,
             self._shift,
         )

@@ -40,8 +40,7 @@ class SimplifiedFastGng:
         self._min_length_m = np.array(config.min_length_m)
         self._max_length_m = np.array(config.max_length_m)
         self._per_node = np.array(config.samples_per_node)
-        self._nearest_m, self._second_m, self._seen_m, self._chance = np.zeros((4, max_samples), np.float32)
-        self._nearest, self._second = np.zeros((2, max_samples), np.int32)
+        self._nearest_m, self._seen_m, self._chance = np.zeros((3, max_samples), np.float32)
 
     def learn(self, cloud: EdgeCloud, network: Network) -> None:
         """Grow `network` anew over the samples of `cloud`."""
@@ -61,9 +60,6 @@ class SimplifiedFastGng:
             cloud.edge_m,
             cloud.edge_at,
             self._nearest_m,
-            self._nearest,
-            self._second_m,
-            self._second,
             self._seen_m,
             self._chance,
             network.node_m,

@@ -136,17 +136,42 @@ def remove_isolated(node_m: F32, node_curve: I32, linked: U8, nodes: int) -> int
 
 
 @njit(nogil=True, cache=True)
-def _note_node(
-    sample_m: F32, samples: int, node_m: F32, node: int, nearest_m: F32, nearest: I32, second_m: F32, second: I32
-) -> None:
-    """Keep each sample's nearest two nodes s1 and s2 (eqs 13 and 18) up to date with a new node."""
+def _note_node(sample_m: F32, samples: int, node_m: F32, node: int, nearest_m: F32) -> None:
+    """Keep each sample's distance to its nearest node, dS1 (eq 13), up to date with a new node."""
     for i in range(samples):
-        distance = _distance(sample_m, i, node_m, node)
-        if distance < nearest_m[i]:
-            second_m[i], second[i] = nearest_m[i], nearest[i]
-            nearest_m[i], nearest[i] = distance, node
-        elif distance < second_m[i]:
-            second_m[i], second[i] = distance, node
+        nearest_m[i] = min(nearest_m[i], _distance(sample_m, i, node_m, node))
+
+
+@njit(nogil=True, cache=True)
+def _nearest_supported(
+    node_m: F32,
+    node_curve: I32,
+    r: int,
+    limit_m: float,
+    lens: F64,
+    stride: int,
+    reach_m: float,
+    step_m: float,
+    edge_m: F32,
+    edge_at: I32,
+) -> tuple[int, int]:
+    """The nearest two of the older nodes that edge points lead to from node r, -1 for none; looks at eight nodes."""
+    s1, after_m = -1, -1.0
+    for _ in range(8):
+        best, best_m = -1, limit_m
+        for k in range(r):
+            if node_curve[k] == node_curve[r]:
+                distance = _distance(node_m, k, node_m, r)
+                if after_m < distance < best_m:
+                    best, best_m = k, distance
+        if best < 0:
+            break
+        after_m = best_m
+        if is_supported(node_m, best, r, lens, stride, reach_m, step_m, edge_m, edge_at):
+            if s1 >= 0:
+                return s1, best
+            s1 = best
+    return s1, -1
 
 
 @njit(nogil=True, cache=True)
@@ -188,9 +213,6 @@ def grow(
     edge_m: F32,
     edge_at: I32,
     nearest_m: F32,
-    nearest: I32,
-    second_m: F32,
-    second: I32,
     seen_m: F32,
     chance: F32,
     node_m: F32,
@@ -201,7 +223,8 @@ def grow(
 
     The paper draws a sample at random and takes it with probability P_node. Here the sample with the highest
     P_node is taken, which is the same preference without chance: the network grows along an edge for as long as it
-    goes on, and the same scene grows the same network. A connection is only made where edge points lie under it.
+    goes on, and the same scene grows the same network. A connection is only made where edge points lie under it, and
+    s1 and s2 are the nearest two nodes that can be connected so: the nearest of all may be across a face.
     """
     nodes = 0
     linked[:] = 0
@@ -209,9 +232,9 @@ def grow(
         return 0
     for phase in range(min_length_m.shape[0]):
         for i in range(samples):
-            nearest_m[i], nearest[i], second_m[i], second[i], seen_m[i] = 1e9, -1, 1e9, -1, -1.0
+            nearest_m[i], seen_m[i] = 1e9, -1.0
         for node in range(nodes):
-            _note_node(sample_m, samples, node_m, node, nearest_m, nearest, second_m, second)
+            _note_node(sample_m, samples, node_m, node, nearest_m)
         for _ in range(math.ceil(samples / per_node[phase]) + (2 if phase == 0 else 0)):
             if nodes == node_m.shape[0]:
                 break
@@ -231,30 +254,20 @@ def grow(
             node_m[r] = sample_m[v]
             node_curve[r] = sample_curve[v]
             nodes += 1
-            s1, s2, ds1, ds2 = nearest[v], second[v], nearest_m[v], second_m[v]
-            _note_node(sample_m, samples, node_m, r, nearest_m, nearest, second_m, second)
+            _note_node(sample_m, samples, node_m, r, nearest_m)
+            s1, s2 = _nearest_supported(
+                node_m, node_curve, r, 1.5 * max_length_m[0], lens, stride, reach_m, step_m, edge_m, edge_at
+            )
             if s1 < 0:
                 continue
-            if node_curve[s1] == node_curve[r] and is_supported(
-                node_m, s1, r, lens, stride, reach_m, step_m, edge_m, edge_at
-            ):
-                _set_link(linked, s1, r, 1)
+            _set_link(linked, s1, r, 1)
             if s2 < 0:
                 continue
             ds12 = _distance(node_m, s1, node_m, s2)
-            if ds1 < ds12 and ds2 < ds12:
-                if node_curve[s2] == node_curve[r] and is_supported(
-                    node_m, s2, r, lens, stride, reach_m, step_m, edge_m, edge_at
-                ):
-                    _set_link(linked, s2, r, 1)
-                if linked[s1, r] == 1 and linked[s2, r] == 1:
-                    _set_link(linked, s1, s2, 0)
-            elif (
-                linked[s1, s2] == 0
-                and node_curve[s1] == node_curve[s2]
-                and ds12 <= max_length_m[0]
-                and is_supported(node_m, s1, s2, lens, stride, reach_m, step_m, edge_m, edge_at)
-            ):
+            if _distance(node_m, s1, node_m, r) < ds12 and _distance(node_m, s2, node_m, r) < ds12:
+                _set_link(linked, s2, r, 1)
+                _set_link(linked, s1, s2, 0)
+            elif linked[s1, s2] == 0 and is_supported(node_m, s1, s2, lens, stride, reach_m, step_m, edge_m, edge_at):
                 _set_link(linked, s1, s2, 1)
         limit_degree(node_m, linked, nodes, 2)
         nodes = remove_isolated(node_m, node_curve, linked, nodes)
