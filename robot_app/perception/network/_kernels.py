@@ -197,6 +197,52 @@ def _best_sample(
 
 
 @njit(nogil=True, cache=True)
+def snap_to_corners(
+    sample_m: F32,
+    sample_weight: F32,
+    sample_curve: I32,
+    samples: int,
+    snap_m: float,
+    lens: F64,
+    stride: int,
+    reach_m: float,
+    step_m: float,
+    edge_m: F32,
+    edge_at: I32,
+    node_m: F32,
+    node_curve: I32,
+    linked: U8,
+    nodes: int,
+) -> None:
+    """Moves each node to the sample of highest weight within `snap_m` of it, if its connections stay on edges.
+
+    So a node that happened to be put beside a corner does not cut it, and two frames put it in the same place.
+    """
+    old_m = np.zeros(3, np.float32)
+    for a in range(nodes):
+        best, best_weight, own, own_m = -1, 0.0, 0.0, 1e9
+        for i in range(samples):
+            if sample_curve[i] != node_curve[a]:
+                continue
+            distance = _distance(sample_m, i, node_m, a)
+            if distance < own_m:
+                own, own_m = sample_weight[i], distance
+            if distance < snap_m and sample_weight[i] > best_weight:
+                best, best_weight = i, sample_weight[i]
+        if best < 0 or best_weight < 1.2 * own:
+            continue
+        old_m[:] = node_m[a]
+        node_m[a] = sample_m[best]
+        for b in range(nodes):
+            crowded = b != a and _distance(node_m, a, node_m, b) < snap_m
+            if crowded or (
+                linked[a, b] == 1 and not is_supported(node_m, a, b, lens, stride, reach_m, step_m, edge_m, edge_at)
+            ):
+                node_m[a] = old_m
+                break
+
+
+@njit(nogil=True, cache=True)
 def grow(
     sample_m: F32,
     sample_weight: F32,
@@ -271,6 +317,23 @@ def grow(
                 _set_link(linked, s1, s2, 1)
         limit_degree(node_m, linked, nodes, 2)
         nodes = remove_isolated(node_m, node_curve, linked, nodes)
+        snap_to_corners(
+            sample_m,
+            sample_weight,
+            sample_curve,
+            samples,
+            min_length_m[min_length_m.shape[0] - 1],
+            lens,
+            stride,
+            reach_m,
+            step_m,
+            edge_m,
+            edge_at,
+            node_m,
+            node_curve,
+            linked,
+            nodes,
+        )
     return nodes
 
 
