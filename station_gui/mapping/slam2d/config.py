@@ -31,7 +31,7 @@ class LocalMapConfig:
     graph_reach_m: float = 30.0  # along the graph: what is farther may have drifted against the robot
     view_m: float = 18.0  # keyframes this near to the robot are in the window
     rebuild_distance_m: float = 4.0  # driven between two rebuilds
-    rebuild_scans_per_step: int = 12  # spreads a rebuild over the steps that follow
+    rebuild_scans_per_step: int = 24  # spreads a rebuild over the steps that follow
     max_scans: int = 900
 
 
@@ -54,6 +54,8 @@ class MatchConfig:
     odometry_shift_ratio: float = 0.2
     odometry_turn_rad: float = math.radians(1.0)
     odometry_turn_ratio: float = 0.2
+    weak_points: float = 15.0  # a direction that fewer points hold is left to the odometry,
+    weak_weight: float = 10.0  # which then weighs as much as this many
     search_shift_m: float = 0.1
     search_shifts: int = 5
     search_turn_rad: float = math.radians(2.0)

@@ -7,6 +7,7 @@ bound (as in Cartographer, Hess et al. 2016); the graph is optimised under dynam
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 import numpy as np
@@ -181,13 +182,15 @@ class GraphSlam:
         self._local.begin(self._graph, self._by_node, self._node, self._map_pose())
         while not self._local.step():
             pass
-        self._adopt_map_frame()
+        self._adopt_window()
         self._lost_scans = 0
         self._add_keyframe(scan, lines)
 
     def _new_node(self) -> None:
         """At the robot's pose."""
         pose = self._pose if self._graph.nodes == 0 else self._map_pose()
+        if self._graph.nodes:
+            self._local.next_node(self._pose_in_node())
         self._node = self._graph.add_node(pose)
         self._local_from_node = self._pose.copy()
         self._by_node.append([])
@@ -218,25 +221,22 @@ class GraphSlam:
         self._keyframe_places.append(self._node, in_node)
         self._by_node[self._node].append(keyframe)
         self._local.insert(lines, self._pose)
-        self._local.add_pending(keyframe, self._map_pose())
+        self._local.add_pending(keyframe)
 
     def _work(self) -> None:
         """A bounded share of what is put off: one search, a few scans of the next local map."""
         if self._jobs:
             self._search(self._jobs.popleft())
         if not self._local.building and self._since_rebuild_m > self._config.local_map.rebuild_distance_m:
-            self._rebuild()
+            self._since_rebuild_m = 0.0
+            self._local.begin(self._graph, self._by_node, self._node, self._map_pose())
         if self._local.step():
-            self._adopt_map_frame()
+            self._adopt_window()
 
-    def _rebuild(self) -> None:
-        self._since_rebuild_m = 0.0
-        self._local.begin(self._graph, self._by_node, self._node, self._map_pose())
-
-    def _adopt_map_frame(self) -> None:
-        pose = self._map_pose()
-        self._local_from_node = self._graph.poses[self._node].copy()
-        self._pose = pose
+    def _adopt_window(self) -> None:
+        in_node = self._pose_in_node()
+        self._local_from_node = self._local.current_from_node
+        self._pose = compose(self._local_from_node, in_node)
 
     def _search(self, candidate: Candidate) -> None:
         closure = self._closer.close(self._graph, self._by_node, candidate)
@@ -289,7 +289,7 @@ class GraphSlam:
         if float(moved_m.max()) > self._config.pose_graph.moved_m:
             self._revision += 1
             self._closer.forget_places()
-            self._rebuild()
+            self._since_rebuild_m = math.inf
 
     def _pose_in_node(self) -> NDArray[np.float64]:
         return between(self._local_from_node, self._pose)

@@ -27,6 +27,7 @@ class LocalMapBuilder:
         self._back = self._new_window()
         self._queue: list[tuple[Keyframe, NDArray[np.float64]]] = []
         self._building = False
+        self._next_from_node = np.zeros(3)
 
     @property
     def current(self) -> LocalMap:
@@ -35,6 +36,11 @@ class LocalMapBuilder:
     @property
     def building(self) -> bool:
         return self._building
+
+    @property
+    def current_from_node(self) -> NDArray[np.float64]:
+        """(3,): the robot's node in the frame of the window that came into use last."""
+        return self._next_from_node.copy()
 
     def insert(self, scan: LineScan, pose: NDArray[np.float64]) -> None:
         """Into the window in use; `pose`: (3,) in its frame."""
@@ -54,15 +60,23 @@ class LocalMapBuilder:
                 break
         self._queue.reverse()  # the nearest along the graph come last: their hits weigh most
         self._back.clear(float(pose[0]), float(pose[1]))
+        self._next_from_node = graph.poses[node].copy()
         self._building = True
 
-    def add_pending(self, keyframe: Keyframe, pose: NDArray[np.float64]) -> None:
-        """A keyframe that came while the next window is in the making; `pose`: (3,), map frame."""
+    def next_node(self, node_from_new: NDArray[np.float64]) -> None:
+        """The robot has come to a new node, (3,) in the frame of the one before."""
+        self._next_from_node = compose(self._next_from_node, node_from_new)
+
+    def add_pending(self, keyframe: Keyframe) -> None:
+        """A keyframe of the robot's node that came while the next window is in the making."""
         if self._building:
-            self._queue.append((keyframe, pose))
+            self._queue.append((keyframe, compose(self._next_from_node, keyframe.in_node)))
 
     def step(self) -> bool:
-        """Work a little on the next window; True when it has just come into use, with the map's frame for its own."""
+        """Work a little on the next window; True when it has just come into use.
+
+        Its frame is the map's as it was when the making began: the graph may have bent since.
+        """
         if not self._building:
             return False
         count = self._config.rebuild_scans_per_step

@@ -254,12 +254,43 @@ def solve3(a: FloatArray, b: FloatArray, x: FloatArray) -> bool:
 
 
 @njit(nogil=True, cache=True)
+def prior_information(
+    hessian: FloatArray, prior_weight: FloatArray, weak_points: float, weak_weight: float, prior: FloatArray
+) -> None:
+    """What the prediction weighs: `prior_weight`, and more along a direction that few points hold.
+
+    The eigenvalues of the Hessian's part for the shift count the points that hold each direction. Along a corridor
+    these are a handful of clutter whose errors are not independent, and the odometry knows better (the degeneracy
+    of Zhang et al. 2016, made soft).
+    """
+    for a in range(3):
+        for b in range(3):
+            prior[a, b] = 0.0
+        prior[a, a] = prior_weight[a]
+    angle = 0.5 * math.atan2(2.0 * hessian[0, 1], hessian[0, 0] - hessian[1, 1])
+    mean = 0.5 * (hessian[0, 0] + hessian[1, 1])
+    spread = 0.5 * math.hypot(hessian[0, 0] - hessian[1, 1], 2.0 * hessian[0, 1])
+    for k in range(2):
+        points = max(mean + spread if k == 0 else mean - spread, 0.0)
+        x = math.cos(angle) if k == 0 else -math.sin(angle)
+        y = math.sin(angle) if k == 0 else math.cos(angle)
+        ratio = points / weak_points
+        weight = weak_weight / (1.0 + ratio * ratio)
+        prior[0, 0] += weight * x * x
+        prior[0, 1] += weight * x * y
+        prior[1, 0] += weight * x * y
+        prior[1, 1] += weight * y * y
+
+
+@njit(nogil=True, cache=True)
 def refine(
     points: FloatArray,
     normals: FloatArray,
     pose: FloatArray,
     prior_pose: FloatArray,
     prior_weight: FloatArray,
+    weak_points: float,
+    weak_weight: float,
     wide_kernel_m: float,
     fine_kernel_m: float,
     inlier_m: float,
@@ -282,6 +313,7 @@ def refine(
     gradient = np.zeros(3)
     system = np.zeros((3, 3))
     step = np.zeros(3)
+    difference = np.zeros(3)
     kernel_m = wide_kernel_m
     iteration = 0
     while iteration < max_iterations:
@@ -290,14 +322,17 @@ def refine(
             points, normals, pose, kernel_m, inlier_m, point_weight, origin_x, origin_y, cell_m, nearest, surfels,
             hessian, gradient, figures,
         )  # fmt: skip
+        prior_information(hessian, prior_weight, weak_points, weak_weight, system)
+        difference[0] = pose[0] - prior_pose[0]
+        difference[1] = pose[1] - prior_pose[1]
+        turn = pose[2] - prior_pose[2]
+        difference[2] = turn - 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
         for a in range(3):
             for b in range(3):
-                system[a, b] = hessian[a, b]
-            difference = pose[a] - prior_pose[a]
-            if a == 2:
-                difference -= 2.0 * math.pi * math.floor(difference / (2.0 * math.pi) + 0.5)
-            system[a, a] += prior_weight[a]
-            gradient[a] += prior_weight[a] * difference
+                gradient[a] += system[a, b] * difference[b]
+        for a in range(3):
+            for b in range(3):
+                system[a, b] += hessian[a, b]
         if not solve3(system, gradient, step):
             break
         for a in range(3):

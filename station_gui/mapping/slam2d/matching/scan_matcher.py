@@ -85,6 +85,8 @@ class ScanMatcher:
             pose,
             prior,
             prior_weight * config.noise_m**2,
+            config.weak_points,
+            config.weak_weight if prior_weight.any() else 0.0,
             config.wide_kernel_m,
             config.fine_kernel_m,
             config.inlier_m,
