@@ -14,6 +14,7 @@ from robot_app.drivers.base import DeviceError
 
 _EGL_PLATFORM_DEVICE = 0x313F
 _EGL_PLATFORM_SURFACELESS = 0x31DD
+_EGL_DRAW, _EGL_READ = 0x3059, 0x305A
 _EGL_OPENGL_API = 0x30A2
 _EGL_NONE = 0x3038
 _MAX_DEVICES = 16
@@ -21,6 +22,36 @@ _MAX_DEVICES = 16
 _ATTRIBUTES = (0x3024, 8, 0x3023, 8, 0x3022, 8, 0x3021, 8, 0x3025, 24, 0x3026, 8, 0x3033, 1, 0x3040, 8, _EGL_NONE)
 
 _Handle = ctypes.c_void_p
+
+
+class _Glx:
+    """The window system's own contexts: a thread that has one current is refused an EGL context."""
+
+    def __init__(self) -> None:
+        try:
+            self._gl: ctypes.CDLL | None = ctypes.CDLL("libGLX.so.0")
+        except OSError:  # without this library nobody in this process can have such a context
+            self._gl = None
+            return
+        for name in ("glXGetCurrentDisplay", "glXGetCurrentContext"):
+            getattr(self._gl, name).restype = _Handle
+        self._gl.glXGetCurrentDrawable.restype = ctypes.c_ulong
+        self._gl.glXMakeCurrent.argtypes = [_Handle, ctypes.c_ulong, _Handle]
+
+    @contextlib.contextmanager
+    def set_aside(self) -> Iterator[None]:
+        """Leave the thread without such a context for a while."""
+        gl = self._gl
+        context = None if gl is None else gl.glXGetCurrentContext()
+        if gl is None or not context:
+            yield
+            return
+        display, drawable = gl.glXGetCurrentDisplay(), gl.glXGetCurrentDrawable()
+        gl.glXMakeCurrent(display, 0, None)
+        try:
+            yield
+        finally:
+            gl.glXMakeCurrent(display, drawable, context)
 
 
 class EglContext:
@@ -31,25 +62,27 @@ class EglContext:
             self._egl = ctypes.CDLL("libEGL.so.1")
         except OSError as error:
             raise DeviceError(f"depth camera: no EGL for off-screen rendering (install libegl1): {error}") from error
+        self._glx = _Glx()
         self._declare()
         self._display = self._first_display()
         self._context = self._make_context()
 
     @contextlib.contextmanager
     def current(self) -> Iterator[None]:
-        """Make the context current and put back what was current before."""
+        """Make the context current in this thread and put back what was current before."""
         egl = self._egl
-        before = egl.eglGetCurrentDisplay(), egl.eglGetCurrentContext()
-        surfaces = egl.eglGetCurrentSurface(0x3059), egl.eglGetCurrentSurface(0x305A)
-        egl.eglBindAPI(_EGL_OPENGL_API)
-        if not egl.eglMakeCurrent(self._display, None, None, self._context):
-            raise DeviceError(f"depth camera: EGL error 0x{egl.eglGetError():04x} when making its context current")
-        try:
-            yield
-        finally:
-            egl.eglMakeCurrent(self._display, None, None, None)
-            if before[1]:
-                egl.eglMakeCurrent(before[0], *surfaces, before[1])
+        with self._glx.set_aside():
+            before = egl.eglGetCurrentDisplay(), egl.eglGetCurrentContext()
+            surfaces = egl.eglGetCurrentSurface(_EGL_DRAW), egl.eglGetCurrentSurface(_EGL_READ)
+            egl.eglBindAPI(_EGL_OPENGL_API)
+            if not egl.eglMakeCurrent(self._display, None, None, self._context):
+                raise DeviceError(f"depth camera: EGL error 0x{egl.eglGetError():04x} when making its context current")
+            try:
+                yield
+            finally:
+                egl.eglMakeCurrent(self._display, None, None, None)
+                if before[1]:
+                    egl.eglMakeCurrent(before[0], *surfaces, before[1])
 
     def close(self) -> None:
         if self._context:
