@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -32,8 +33,14 @@ class WallFollowerConfig:
     medium_mps: float = 0.20
     fast_mps: float = 0.32  # below the paper's "fast": the room is small
     max_steering_rad: float = 0.5
+    turning_radius_m: float = 0.476  # the smallest
+    corner_m: float = 1.2  # how far along the way inner corners are looked for
+    corner_aside_m: float = 0.55  # beyond this to the side there is room to turn later
+    dip_m: float = 9.0  # the way turns round an outer corner when it goes so far to the side of the wall
     lap_distance_m: float = 4.0  # no lap is shorter
-    lap_gate_m: float = 0.5  # the lap ends this near to where it began
+    lap_gate_m: float = 0.4  # the lap ends this near to a place where the robot was before
+    track_step_m: float = 0.1  # such places are remembered this often
+    track_length: int = 400
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +52,15 @@ class WallStep:
     carrot_m: tuple[float, float] | None
     lateral_error_m: float  # of the car's middle from the way, positive left of it
     angle_rad: float  # of the way ahead, seen from the robot
+
+
+@dataclass(frozen=True, slots=True)
+class _Mark:
+    """A place the robot passed while following, and how far it had driven and turned by then."""
+
+    pose: Pose2
+    distance_m: float
+    turned_rad: float
 
 
 ANGLE = Variable.partition("angle of the way ahead", right=-1.1, bit_right=-0.4, ahead=0.0, bit_left=0.4, left=1.1)
@@ -65,6 +81,19 @@ STEERING_RULES = RuleTable(
 )
 CLEARANCE = Variable.partition("clearance ahead", none=0.08, little=0.25, some=0.55, much=0.9)
 TURN = Variable.partition("turn", straight=0.1, bend=0.5, sharp=1.0)
+NEED = Variable.partition("curvature to turn away, of the sharpest possible", none=0.7, soon=0.9, now=1.1)
+AWAY = Variable.partition("turn away", none=0.0, half=0.5, full=1.0)
+AWAY_RULES = RuleTable(
+    NEED,
+    ERROR,
+    AWAY,
+    # offset: nearer to the wall ... farther off
+    """
+    none     none none none none none
+    soon     full full half none none
+    now      full full full half none
+    """,
+)
 SPEED = Variable.partition("speed", stop=0.0, slow=1.0, medium=2.0, fast=3.0)
 SPEED_RULES = RuleTable(
     CLEARANCE,
@@ -91,7 +120,7 @@ class WallFollower:
     def reset(self) -> None:
         """Begin a new lap wherever the robot is."""
         self._state = WallState.SEARCH
-        self._lap_start: Pose2 | None = None
+        self._track: deque[_Mark] = deque(maxlen=self._config.track_length)
         self._last: Pose2 | None = None
         self._distance_m = 0.0
         self._turned_rad = 0.0
@@ -107,7 +136,7 @@ class WallFollower:
         if trace is None:
             return self._go_straight(clearance_ahead_m)
         step = self._follow(odom_from_robot.inverse().apply(trace.way_m), clearance_ahead_m)
-        self._judge_lap(odom_from_robot, step)
+        self._judge_lap(odom_from_robot)
         return step
 
     def _travel(self, pose: Pose2) -> None:
@@ -128,10 +157,27 @@ class WallFollower:
             self._state = WallState.FOLLOW
         ahead, error = self._carrot(way_m)
         angle = math.atan2(ahead[1], ahead[0] - self._config.middle_m)
-        share = STEERING_RULES(angle, error)
+        share = self._turn_away(way_m, error, STEERING_RULES(angle, error))
         speed = self._speed_mps(clearance_ahead_m, abs(share))
         motion = Motion(speed, share * self._config.max_steering_rad)
         return WallStep(motion, self._state, (float(ahead[0]), float(ahead[1])), error, angle)
+
+    def _turn_away(self, way_m: NDArray[np.float64], error_m: float, share: float) -> float:
+        """Steer away from the wall before an inner corner, so early that the car gets round it in one go.
+
+        The circle that leaves the rear axle straight on and meets the way at (x, y) has the curvature
+        2 y / (x² + y²); the sharpest one that the way ahead asks for tells how soon the turn must begin.
+        """
+        away = -self._config.side
+        reach = way_m[: round(self._config.corner_m / self._config.trace.step_m)]
+        dips = np.flatnonzero(away * reach[:, 1] < -self._config.dip_m)  # what comes behind an outer corner can wait
+        reach = reach[: int(dips[0])] if len(dips) else reach
+        reach = reach[(reach[:, 0] > 0.0) & (away * reach[:, 1] < self._config.corner_aside_m)]
+        if len(reach) == 0:
+            return share
+        curvature = float(np.max(2 * away * reach[:, 1] / np.maximum((reach**2).sum(axis=1), 0.04)))
+        turn = AWAY_RULES(curvature * self._config.turning_radius_m, away * error_m)
+        return float(away * max(away * share, turn))
 
     def _carrot(self, way_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
         """The point of the way to head for, and how far left of the way the car's middle is."""
@@ -150,15 +196,19 @@ class WallFollower:
         level = SPEED_RULES(clearance_ahead_m, turn)
         return float(np.interp(level, (0, 1, 2, 3), (0.0, config.slow_mps, config.medium_mps, config.fast_mps)))
 
-    def _judge_lap(self, pose: Pose2, step: WallStep) -> None:
+    def _judge_lap(self, pose: Pose2) -> None:
         """A lap of the room turns the robot once towards the open side; a lap of an island the other way."""
-        if self._lap_start is None:
-            if abs(step.lateral_error_m) < 0.12 and abs(step.angle_rad) < 0.5:
-                self._lap_start, self._distance_m, self._turned_rad = pose, 0.0, 0.0
-            return
-        if self._distance_m < self._config.lap_distance_m or pose.distance_m(self._lap_start) > self._config.lap_gate_m:
-            return
-        laps = -self._config.side * self._turned_rad / math.tau
+        if not self._track or self._distance_m - self._track[-1].distance_m > self._config.track_step_m:
+            self._track.append(_Mark(pose, self._distance_m, self._turned_rad))
+        for mark in tuple(self._track):
+            if self._distance_m - mark.distance_m < self._config.lap_distance_m:
+                break
+            heading_off = abs(wrap_angle(pose.theta_rad - mark.pose.theta_rad))
+            if pose.distance_m(mark.pose) < self._config.lap_gate_m and heading_off < 1.0:
+                self._close_lap(pose, -self._config.side * (self._turned_rad - mark.turned_rad) / math.tau)
+                return
+
+    def _close_lap(self, pose: Pose2, laps: float) -> None:
         if laps > 0.7:
             self._state = WallState.DONE
         elif laps < -0.7:
@@ -166,7 +216,7 @@ class WallFollower:
 
     def _begin_crossing(self, pose: Pose2) -> None:
         self._state = WallState.LEAVE
-        self._lap_start = None
+        self._track.clear()
         self._left_from = pose
         self._leave_heading_rad = pose.theta_rad - self._config.side * math.pi / 2
 
