@@ -6,6 +6,7 @@ where a pump advances it and a read waits.
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable
 from typing import Generic, Protocol, TypeVar
@@ -147,6 +148,8 @@ class DriveDriver:
     def set(self, setting: DriveSetting) -> DriveSetting:
         if not self._open:
             raise DeviceError("drive: is closed")
+        if not (math.isfinite(setting.duty) and math.isfinite(setting.steering_rad)):
+            raise DeviceError(f"drive: cannot apply {setting}")
         return self._world.set_drive(setting)
 
     def stop(self) -> None:

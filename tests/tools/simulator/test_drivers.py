@@ -149,3 +149,8 @@ def test_an_unplugged_drive_stops_the_car_and_stop_never_raises(lab: tuple[World
     hardware.drive.stop()
     world.advance_to(1.4)
     assert abs(world.speed_mps()) < 0.01
+
+
+def test_a_setting_that_is_no_number_is_refused(lab: tuple[World, Hardware]) -> None:
+    with pytest.raises(DeviceError, match="cannot apply"):
+        lab[1].drive.set(DriveSetting(float("nan"), 0.0))

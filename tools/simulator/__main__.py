@@ -1,0 +1,128 @@
+"""`simulator`: the simulated robot in real time. A station connects to it as to a robot."""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import logging
+import signal
+import sys
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from robot_app.app import RobotApp
+from robot_app.config import RobotConfig, load_config
+from robot_app.drivers.base import DeviceError
+from shared.command_line import Refused, port_number, run, set_up_logging
+from shared.link.tcp import TcpServerLink
+from shared.runtime.clock import MonotonicClock
+from shared.runtime.runner import ThreadRunner
+from tools.simulator.drivers import RealTimePump, SimulatedHardware
+from tools.simulator.scenario import Scenario, find_scenario, scenario_names
+from tools.simulator.truth import write_truth
+from tools.simulator.world import World
+
+_log = logging.getLogger("simulator")
+_SWITCH_INTERVAL_S = 0.0005  # a Python thread may keep the others waiting for so long
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="simulator",
+        description="A simulated robot in a simulated room, in real time: the same app as on the Raspberry Pi.",
+        epilog="example: simulator --scenario lab --seed 1 &  station-gui --connect 127.0.0.1:47100",
+    )
+    parser.add_argument(
+        "--scenario", default="lab", help=f"one of {', '.join(scenario_names())}, or a TOML file (default: lab)"
+    )
+    parser.add_argument("--seed", type=int, default=1, help="of all noise (default: 1)")
+    parser.add_argument("--config", metavar="FILE", type=Path, help="robot.toml instead of the one that comes along")
+    parser.add_argument(
+        "--port", type=port_number, help="listen here instead of on the port in robot.toml; 0 takes a free one"
+    )
+    parser.add_argument("--bind", default="127.0.0.1", help="address to listen on (default: this machine only)")
+    parser.add_argument("--out", metavar="DIR", type=Path, help="write the ground truth here at the end")
+    parser.add_argument("--port-file", metavar="FILE", type=Path, help="write the port here once the robot is ready")
+    parser.add_argument("--verbose", action="store_true", help="log everything")
+    return parser
+
+
+@dataclass(slots=True)
+class _Stop:
+    """Set by SIGINT and SIGTERM."""
+
+    event: threading.Event
+
+    def listen(self) -> None:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: self.event.set())
+
+
+def simulate(scenario: Scenario, config: RobotConfig, args: argparse.Namespace, stop: threading.Event) -> None:
+    """Run the robot until `stop` is set. The car stops first, then the threads, then the world."""
+    clock = MonotonicClock()
+    port = config.link.port if args.port is None else args.port
+    link = TcpServerLink(args.bind, port, clock)
+    try:
+        world = World(scenario, args.seed, start_s=clock.now_s())
+        hardware = SimulatedHardware(world, waits=True).hardware
+        app = RobotApp(hardware, link, clock, config, np.random.default_rng(args.seed))
+        _log.info("compiling; this takes a while the first time")
+        app.warm_up()
+        world.stand_still(clock.now_s() - world.time_s)
+        pump = RealTimePump(world, clock)
+        runner = ThreadRunner(app.tasks(), clock, app.on_fault)
+        app.use_health(lambda: runner.health)
+        gc.collect()
+        gc.freeze()
+        pump.start()
+        runner.start()
+        _log.info("ready: %s, seed %d, listening on %s:%d", scenario.name, args.seed, args.bind, link.port)
+        if args.port_file is not None:
+            args.port_file.write_text(f"{link.port}\n", "utf-8")
+        try:
+            stop.wait()
+        finally:
+            left = runner.stop()
+            app.shut_down()
+            pump.stop()
+            if left:
+                _log.error("these tasks did not end in time: %s", ", ".join(left))
+        if args.out is not None:
+            write_truth(world, args.out)
+        _log.info("%d collisions, %.1f m driven", world.collisions.count, world.truth.distance_m)
+    finally:
+        link.close()
+
+
+def _work(args: argparse.Namespace) -> int:
+    scenario = find_scenario(args.scenario)
+    config = load_config(args.config)
+    for folder in (args.out, args.port_file.parent if args.port_file is not None else None):
+        _make(folder)
+    stop = _Stop(threading.Event())
+    stop.listen()
+    sys.setswitchinterval(_SWITCH_INTERVAL_S)
+    simulate(scenario, config, args, stop.event)
+    return 0
+
+
+def _make(folder: Path | None) -> None:
+    try:
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise Refused(f"{folder}: cannot be made: {error.strerror}") from error
+
+
+def main() -> int:
+    args = _parser().parse_args()
+    set_up_logging(args.verbose)
+    return run("simulator", lambda: _work(args), also=(DeviceError,))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
