@@ -226,33 +226,38 @@ def mark_floor(
     per_m: float,
     noise: float,
     floor: U8,
+    inverse: F32,
 ) -> None:
     """`floor`: (R, C) uint8, 1 where a point is lower than `height_m` plus `per_m` for each metre of depth.
 
     In the upper three quarters of that height a point is none of the floor when the one above it is as near: the
     floor falls back from row to row, the foot of an object does not. That is asked where the floor falls back by
-    more than the noise, `noise` of the depth at 1 m.
+    more than the noise, `noise` of the depth at 1 m. `inverse`: (R, C) 1/m, of what is no floor, 0 elsewhere.
     """
     half = stride // 2
     for i in range(z.shape[0]):
         across = up[1] * slope_y[half + i * stride] + up[2]
         for j in range(z.shape[1]):
             floor[i, j] = 0
+            inverse[i, j] = 0.0
             z0 = z[i, j]
             if z0 == 0.0:
                 continue
+            inverse[i, j] = 1.0 / z0
             fall = up[0] * slope_x[half + j * stride] + across
             height = fall * z0 + up[3]
             limit = height_m + per_m * z0
             if height >= limit:
                 continue
             floor[i, j] = 1
+            inverse[i, j] = 0.0
             if i == 0 or z[i - 1, j] == 0.0 or height < 0.25 * limit:
                 continue
             fall_above = fall - up[1] * (slope_y[half + i * stride] - slope_y[half + (i - 1) * stride])
             back = OPEN if fall_above >= 0.0 else up[3] / -fall_above - up[3] / -fall
             if back > 8.0 * noise * z0 * z0 and z[i - 1, j] - z0 < min(0.4 * back, cell_width * z0):
                 floor[i, j] = 0
+                inverse[i, j] = 1.0 / z0
 
 
 @njit(nogil=True, cache=True)
@@ -302,31 +307,30 @@ def find_contact(
 
 
 @njit(nogil=True, cache=True)
-def _fit_arm(z: F32, floor: U8, i: int, j: int, di: int, dj: int, cells: int) -> tuple[float, float, float]:
+def _fit_arm(inverse: F32, i: int, j: int, di: int, dj: int, cells: int) -> tuple[float, float, float]:
     """A line through the inverse depth of `cells` cells from (i, j) on: its value there, its slope a cell, and the
-    largest deviation; the value is 0 where a cell is empty or floor."""
+    largest deviation; the value is 0 where a cell is empty."""
     mean_k = 0.5 * (cells + 1)
     total, moment = 0.0, 0.0
     for k in range(1, cells + 1):
-        depth_m = z[i + di * k, j + dj * k]
-        if depth_m == 0.0 or floor[i + di * k, j + dj * k] == 1:
+        q = inverse[i + di * k, j + dj * k]
+        if q == 0.0:
             return 0.0, 0.0, 0.0
-        total += 1.0 / depth_m
-        moment += (k - mean_k) / depth_m
+        total += q
+        moment += (k - mean_k) * q
     slope = moment * 12.0 / (cells * (cells * cells - 1.0))
     value = total / cells - slope * mean_k
     worst = 0.0
     for k in range(1, cells + 1):
-        worst = max(worst, abs(1.0 / z[i + di * k, j + dj * k] - value - slope * k))
+        worst = max(worst, abs(inverse[i + di * k, j + dj * k] - value - slope * k))
     return value, slope, worst
 
 
 @njit(nogil=True, cache=True)
 def measure_creases(
-    z: F32,
+    inverse: F32,
     slopes: F32,
     stride: int,
-    floor: U8,
     cell_slope: float,
     vertical: int,
     arm_m: float,
@@ -339,30 +343,29 @@ def measure_creases(
 
     `angle`: (R, C) rad, 0 where there is no crease. `shift`: (R, C) where the two sides meet, cells from the cell.
     A plane's inverse depth is linear in the image, whatever its slant: a crease is where two straight pieces meet.
-    `slopes`: of the columns or rows; `cell_slope`: the step of a cell in them. `noise`: of the depth at 1 m, m.
+    `inverse`: (R, C) 1/m, 0 where there is nothing to look at. `slopes`: of the columns or rows; `cell_slope`: the
+    step of a cell in them. `noise`: of the depth at 1 m, m.
     """
-    rows, columns = z.shape
+    rows, columns = inverse.shape
     half = stride // 2
     least = 2.0 * math.tan(0.5 * min_angle_rad)
     for i in range(rows):
         for j in range(columns):
             angle[i, j] = 0.0
-            z0 = z[i, j]
-            if z0 == 0.0 or floor[i, j] == 1:
+            q = float(inverse[i, j])
+            if q == 0.0:
                 continue
+            z0 = 1.0 / q
             cells = min(max(int(arm_m / (cell_slope * z0)), 6), 10)
             di, dj = (cells, 0) if vertical == 1 else (0, cells)
             if i < di or j < dj or i + di >= rows or j + dj >= columns:
                 continue
-            za, zb = z[i - di, j - dj], z[i + di, j + dj]
-            if za == 0.0 or zb == 0.0:
-                continue
-            q = 1.0 / z0
-            if abs(1.0 / za + 1.0 / zb - 2.0 * q) < 0.5 * least * cells * cell_slope * q:
+            qa, qb = inverse[i - di, j - dj], inverse[i + di, j + dj]
+            if qa == 0.0 or qb == 0.0 or abs(qa + qb - 2.0 * q) < 0.6 * least * cells * cell_slope * q:
                 continue
             step_i, step_j = (1, 0) if vertical == 1 else (0, 1)
-            qa, slope_a, off_a = _fit_arm(z, floor, i, j, -step_i, -step_j, cells)
-            qb, slope_b, off_b = _fit_arm(z, floor, i, j, step_i, step_j, cells)
+            qa, slope_a, off_a = _fit_arm(inverse, i, j, -step_i, -step_j, cells)
+            qb, slope_b, off_b = _fit_arm(inverse, i, j, step_i, step_j, cells)
             if qa == 0.0 or qb == 0.0:
                 continue
             sigma_m = noise * z0 * z0

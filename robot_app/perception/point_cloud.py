@@ -50,7 +50,7 @@ class EdgeCloud:
         self.sample_m = np.zeros((config.max_samples, 3), np.float32)
         self.sample_weight = np.zeros(config.max_samples, np.float32)
         self.sample_curve = np.zeros(config.max_samples, np.int32)
-        self._bend, self._shift = np.zeros((2, rows, columns), np.float32)
+        self._inverse, self._bend, self._shift = np.zeros((3, rows, columns), np.float32)
         self._curve = np.zeros(rows * columns, np.int32)
         self._box_m = np.zeros((rows * columns, 6), np.float32)
         self._extent_m = np.zeros(rows * columns, np.float32)
@@ -86,6 +86,7 @@ class EdgeCloud:
             config.floor_slope,
             config.depth_noise,
             self._floor,
+            self._inverse,
         )
 
     def _find_edges(self, image: DepthImage) -> None:
@@ -139,10 +140,9 @@ class EdgeCloud:
     def _find_creases(self, vertical: int) -> None:
         config = self._config
         kernels.measure_creases(
-            self.z,
+            self._inverse,
             self.slope_y if vertical else self.slope_x,
             self.stride,
-            self._floor,
             self.stride / self.lens[vertical],
             vertical,
             config.crease_arm_m,
