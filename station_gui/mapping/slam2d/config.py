@@ -106,7 +106,7 @@ class PoseGraphConfig:
     lost_shift_sigma_m: float = 0.3
     lost_turn_sigma_rad: float = math.radians(10.0)
     switch_chi2: float = 12.0  # a closure whose error is above this loses weight (dynamic covariance scaling)
-    iterations: int = 6
+    iterations: int = 12
     optimise_chi2: float = 4.0  # a closure that the graph agrees with better is not worth an optimisation now
     moved_m: float = 0.005  # poses that move less are not a new revision
 

@@ -77,22 +77,28 @@ class PoseGraph:
         self.edges += 1
 
     def optimise(self) -> None:
-        """A few Gauss–Newton steps from where the nodes are."""
+        """A few Gauss–Newton steps from where the nodes are.
+
+        At first every closure pulls with its full weight, however far off it is; then those whose error stays
+        above what the graph can explain let go (graduated non-convexity, Yang et al. 2020).
+        """
         if self.nodes < 2:
             return
         size = 3 * (self.nodes - 1)
         rows, columns = np.zeros(36 * self.edges, np.int32), np.zeros(36 * self.edges, np.int32)
         values, gradient = np.zeros(36 * self.edges), np.zeros(size)
+        switch_chi2 = max(self._config.switch_chi2, float(self.chi2()[self.robust].max(initial=0.0)))
         for _ in range(self._config.iterations):
             _kernels.assemble(
                 self.poses, self.ends, self._measured[: self.edges], self._information[: self.edges], self.robust,
-                self._config.switch_chi2, rows, columns, values, gradient,
+                switch_chi2, rows, columns, values, gradient,
             )  # fmt: skip
             system = csc_array((values, (rows, columns)), shape=(size, size))
             step = splu(system, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(-gradient)
             self.poses[1:] += step.reshape(-1, 3)
-            if float(np.abs(step).max()) < 1e-4:
+            if switch_chi2 <= self._config.switch_chi2 and float(np.abs(step).max()) < 1e-4:
                 break
+            switch_chi2 = max(self._config.switch_chi2, 0.2 * switch_chi2)
 
     def chi2(self) -> NDArray[np.float64]:
         """(edges,): squared error of every edge by its information."""
