@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,7 +141,7 @@ def split_stretches(path: NDArray[np.floating]) -> list[_Stretch]:
     middle = poses[:-1, 2] + 0.5 * np.array([wrap_angle(t) for t in np.diff(poses[:, 2])])
     forward = steps[:, 0] * np.cos(middle) + steps[:, 1] * np.sin(middle) >= 0
     cusps = [0, *(np.flatnonzero(np.diff(forward)) + 1).tolist(), len(steps)]
-    return [_Stretch(poses[a : b + 1], bool(forward[a])) for a, b in zip(cusps[:-1], cusps[1:], strict=True)]
+    return [_Stretch(poses[a : b + 1], bool(forward[a])) for a, b in pairwise(cusps)]
 
 
 class PathFollower:

@@ -36,7 +36,6 @@ class WallFollowerConfig:
     turning_radius_m: float = 0.476  # the smallest
     corner_m: float = 1.2  # how far along the way inner corners are looked for
     corner_aside_m: float = 0.55  # beyond this to the side there is room to turn later
-    dip_m: float = 9.0  # the way turns round an outer corner when it goes so far to the side of the wall
     lap_distance_m: float = 4.0  # no lap is shorter
     lap_gate_m: float = 0.4  # the lap ends this near to a place where the robot was before
     track_step_m: float = 0.1  # such places are remembered this often
@@ -170,8 +169,6 @@ class WallFollower:
         """
         away = -self._config.side
         reach = way_m[: round(self._config.corner_m / self._config.trace.step_m)]
-        dips = np.flatnonzero(away * reach[:, 1] < -self._config.dip_m)  # what comes behind an outer corner can wait
-        reach = reach[: int(dips[0])] if len(dips) else reach
         reach = reach[(reach[:, 0] > 0.0) & (away * reach[:, 1] < self._config.corner_aside_m)]
         if len(reach) == 0:
             return share
