@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from tools.evaluate._kernels import nearest_on_segments
 from tools.evaluate.map_error import reachable_surface, standing_places_m
 from tools.simulator.plan_view import plan_view
 from tools.simulator.scenario import Goal, Item, Scenario, Start, find_scenario, scenario_names
-from tools.simulator.solids import solids_of
+from tools.simulator.solids import Solid, solids_of
 from tools.simulator.truth import true_surfaces
 
 
@@ -54,6 +55,24 @@ def _label_near(points: NDArray[np.float64], label: NDArray[np.int32], place: tu
     nearest = free[np.hypot(*(points[free] - place).T).argmin()]
     assert np.hypot(*(points[nearest] - place)) < 0.15
     return int(label[nearest])
+
+
+def test_no_two_things_of_the_lab_stand_in_the_same_place() -> None:
+    solids = solids_of(find_scenario("lab"))
+    for first, second in itertools.combinations(solids, 2):
+        of_one_thing = first.name.split("_")[0] == second.name.split("_")[0]
+        assert of_one_thing or _overlap_m(first, second) < 1e-6, (first.name, second.name)
+
+
+def _overlap_m(first: Solid, second: Solid) -> float:
+    """How deep two boxes are in one another along the axis that separates them best."""
+    (_, _, z1), (_, _, z2) = first.center_m, second.center_m
+    overlaps = [first.half_m[2] + second.half_m[2] - abs(z1 - z2)]
+    for yaw in (first.yaw_rad, second.yaw_rad):
+        for axis in (yaw, yaw + np.pi / 2):
+            a, b = (solid.corners_m() @ np.array([np.cos(axis), np.sin(axis)]) for solid in (first, second))
+            overlaps.append(min(a.max(), b.max()) - max(a.min(), b.min()))
+    return float(min(overlaps))
 
 
 def test_most_of_the_labs_surface_can_be_seen() -> None:
