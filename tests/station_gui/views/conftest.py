@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import gc
 import itertools
 import math
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -240,6 +242,12 @@ def connected_view(state: MissionState = MissionState.COMMAND, snapshot: MapSnap
 
 
 @pytest.fixture(scope="session")
+def scenes() -> SimpleNamespace:
+    """Makes the views and parts of views that tests change to their liking."""
+    return SimpleNamespace(connected_view=connected_view, disconnected_view=disconnected_view, telemetry=telemetry)
+
+
+@pytest.fixture(scope="session")
 def room() -> MapSnapshot:
     return lab_snapshot()
 
@@ -268,8 +276,8 @@ def open_window(qapp: QApplication, qtbot: QtBot, operator: FakeOperator) -> Ite
         config = WindowConfig(**{"width_px": 1600, "height_px": 1000, **changes})
         window = MainWindow(operator, config)
         windows.append(window)
-        window.show()
-        qtbot.waitExposed(window)
+        with qtbot.waitExposed(window):
+            window.show()
         window.refresh()
         qapp.processEvents()
         return window
@@ -280,3 +288,6 @@ def open_window(qapp: QApplication, qtbot: QtBot, operator: FakeOperator) -> Ite
         window.deleteLater()
     QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
     windows.clear()
+    gc.collect()
+    left = [type(w).__name__ for w in qapp.allWidgets() if type(w).__module__.startswith("station_gui")]
+    assert not left, f"widgets left behind: {left}"

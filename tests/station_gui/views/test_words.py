@@ -1,0 +1,61 @@
+"""What the operator reads."""
+
+import dataclasses
+import math
+
+import pytest
+
+from shared.messages import MissionState, StopReason
+from station_gui.model.view import LinkState
+from station_gui.views import words
+
+
+@pytest.mark.parametrize(
+    ("value", "decimals", "unit", "text"),
+    [
+        (0.1849, 2, "m/s", "0.18 m/s"),
+        (-0.001, 2, "m", "0.00 m"),
+        (-12.4, 0, "°", "−12°"),
+        (61.0, 0, "°C", "61 °C"),
+        (math.nan, 1, "V", "–"),
+        (math.inf, 1, "V", "–"),
+        (None, 1, "V", "–"),
+    ],
+)
+def test_a_number_has_its_unit_or_is_a_dash(value, decimals, unit, text):
+    assert words.number(value, decimals, unit) == text
+
+
+def test_bits_per_second_take_the_prefix_that_fits():
+    assert words.bits_per_second(71_300) == "71.3 kbit/s"
+    assert words.bits_per_second(2_340_000) == "2.34 Mbit/s"
+    assert words.bits_per_second(math.nan) == "–"
+
+
+@pytest.mark.parametrize("reason", list(StopReason))
+@pytest.mark.parametrize("state", list(MissionState))
+def test_each_state_and_reason_has_a_sentence(scenes, state, reason):
+    sentence = words.telemetry_sentence(scenes.telemetry(state, stop_reason=reason))
+    assert sentence.endswith(".")
+    assert "_" not in sentence
+
+
+def test_a_halt_says_why_and_how_to_go_on(scenes):
+    telemetry = scenes.telemetry(MissionState.HALTED, stop_reason=StopReason.BLOCKED, faults=("camera lost",))
+    assert words.telemetry_sentence(telemetry) == (
+        "Stopped: something is in the way. Fault: camera lost. Press Start observation to go on."
+    )
+
+
+def test_without_connection_the_sentence_says_what_to_do(scenes):
+    assert "press Connect" in words.mission_sentence(scenes.disconnected_view(), 1.5)
+
+
+def test_silence_of_the_robot_is_told_with_its_length(scenes):
+    view = dataclasses.replace(scenes.connected_view(), telemetry_age_s=7.26)
+    assert words.mission_sentence(view, 1.5) == "No report from the robot for 7.3 s."
+
+
+def test_a_lost_link_is_told(scenes):
+    view = dataclasses.replace(scenes.connected_view(), link_state=LinkState.LOST)
+    assert words.mission_sentence(view, 1.5) == "Connection lost, trying again…"
