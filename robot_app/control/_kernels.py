@@ -171,9 +171,9 @@ def sample_field(field_m: Floats, left_m: float, low_m: float, cell_m: float, x_
     i = int(v)
     a = u - j
     b = v - i
-    return (1 - b) * ((1 - a) * field_m[i, j] + a * field_m[i, j + 1]) + b * (
-        (1 - a) * field_m[i + 1, j] + a * field_m[i + 1, j + 1]
-    )
+    lower = (1 - a) * field_m[i, j] + a * field_m[i, j + 1]
+    upper = (1 - a) * field_m[i + 1, j] + a * field_m[i + 1, j + 1]
+    return float((1 - b) * lower + b * upper)
 
 
 @njit(nogil=True, cache=True)

@@ -107,9 +107,9 @@ def clearance_at(field_m: Floats, left: float, low: float, cell: float, x: float
     i = int(v)
     a = u - j
     b = v - i
-    return (1 - b) * ((1 - a) * field_m[i, j] + a * field_m[i, j + 1]) + b * (
-        (1 - a) * field_m[i + 1, j] + a * field_m[i + 1, j + 1]
-    )
+    lower = (1 - a) * field_m[i, j] + a * field_m[i, j + 1]
+    upper = (1 - a) * field_m[i + 1, j] + a * field_m[i + 1, j + 1]
+    return float((1 - b) * lower + b * upper)
 
 
 @njit(nogil=True, cache=True)
@@ -169,7 +169,7 @@ def change_cost(costs: Floats, curvature: float, length: float, next_curvature: 
     if length == 0.0:
         return 0.0
     cost = costs[2] * abs(next_curvature - curvature) / costs[4]
-    return cost + (costs[1] if length * next_length < 0.0 else 0.0)
+    return float(cost + (costs[1] if length * next_length < 0.0 else 0.0))
 
 
 @njit(nogil=True, cache=True)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from shared.geometry.ackermann import CarGeometry
-from shared.geometry.se2 import Pose2, wrap_angle
+from shared.geometry.se2 import Pose2
 from shared.runtime.clock import stopwatch_s
 from station_gui.mapping.snapshot import GridMap
 from station_gui.planning import _kernels
@@ -154,7 +154,15 @@ class PathPlanner:
         _kernels.ways_to_goal(passable >= self._car.width_m / 2, cell_m, row, column, way_m)
         elements = np.zeros((2000, 2))
         count = _kernels.search(
-            *road.arguments(),
+            road.clearance_m,
+            road.origin_m[0],
+            road.origin_m[1],
+            road.cell_m,
+            road.discs_m,
+            road.radius_m,
+            road.comfort_m,
+            road.start,
+            road.costs,
             goal,
             free_heading,
             way_m,
@@ -176,7 +184,14 @@ class PathPlanner:
 
     def _body_clearance_m(self, costmap: Costmap, pose: NDArray[np.float64]) -> float:
         return _kernels.body_clearance(
-            costmap.clearance_m, *costmap.origin_m, costmap.cell_m, self._discs_m, pose[0], pose[1], pose[2]
+            costmap.clearance_m,
+            costmap.origin_m[0],
+            costmap.origin_m[1],
+            costmap.cell_m,
+            self._discs_m,
+            pose[0],
+            pose[1],
+            pose[2],
         )
 
     def _clearance_m(self, costmap: Costmap, path: NDArray[np.float64]) -> float:
@@ -186,10 +201,5 @@ class PathPlanner:
 def _cover(car: CarGeometry, count: int) -> tuple[NDArray[np.float64], float]:
     """The middles and the radius of discs along the car's axis that cover its rectangle."""
     part = (car.front_m + car.rear_m) / count
-    middles = -car.rear_m + part * (np.arange(count) + 0.5)
+    middles = -car.rear_m + part * (np.arange(count, dtype=np.float64) + 0.5)
     return middles, math.hypot(part / 2, car.width_m / 2)
-
-
-def heading_along(path: NDArray[np.floating]) -> float:
-    """The robot's heading at the end of a path."""
-    return wrap_angle(float(path[-1, 2]))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,17 +27,52 @@ class Road:
     start: NDArray[np.float64]
     costs: NDArray[np.float64]
 
-    def arguments(self) -> tuple[Any, ...]:
-        return (
+    def drive(self, pose: NDArray[np.float64], curvature_per_m: float, length_m: float) -> float:
+        """Move `pose`, (3,), along an element; returns its cost, infinite where the body does not fit."""
+        cost: float = _kernels.drive_element(
             self.clearance_m,
-            *self.origin_m,
+            self.origin_m[0],
+            self.origin_m[1],
             self.cell_m,
             self.discs_m,
             self.radius_m,
             self.comfort_m,
             self.start,
             self.costs,
+            pose,
+            curvature_per_m,
+            length_m,
         )
+        return cost
+
+    def connect(
+        self,
+        pose: NDArray[np.float64],
+        before: NDArray[np.float64],
+        goal: NDArray[np.float64],
+        free_heading: bool,
+        limit: float,
+        out: NDArray[np.float64],
+    ) -> float:
+        """The cheapest turn-straight-turn from `pose` to `goal` below `limit`; its elements go to `out`, (3, 2)."""
+        cost: float = _kernels.best_connection(
+            self.clearance_m,
+            self.origin_m[0],
+            self.origin_m[1],
+            self.cell_m,
+            self.discs_m,
+            self.radius_m,
+            self.comfort_m,
+            self.start,
+            self.costs,
+            pose,
+            before,
+            goal,
+            free_heading,
+            limit,
+            out,
+        )
+        return cost
 
 
 def shorten(
@@ -85,10 +119,10 @@ def _one_round(
             target = goal if at_goal else poses[last]
             price = costs[last] - costs[first] - 1e-3
             if not at_goal:
-                price -= _kernels.change_cost(road.costs, *elements[last - 1], *elements[last])
-            found = _kernels.best_connection(
-                *road.arguments(), poses[first], before, target, at_goal and free_heading, price, out
-            )
+                price -= _kernels.change_cost(
+                    road.costs, elements[last - 1, 0], elements[last - 1, 1], elements[last, 0], elements[last, 1]
+                )
+            found = road.connect(poses[first], before, target, at_goal and free_heading, price, out)
             if math.isfinite(found):
                 new = out[np.abs(out[:, 1]) > 1e-6]
                 elements = np.vstack((elements[:first], new, elements[last:]))
@@ -107,7 +141,7 @@ def _prices(road: Road, elements: NDArray[np.float64]) -> tuple[NDArray[np.float
     for k, (curvature, length) in enumerate(elements):
         poses[k + 1] = poses[k]
         change = _kernels.change_cost(road.costs, before[0], before[1], curvature, length)
-        driven = _kernels.drive_element(*road.arguments(), poses[k + 1], curvature, length)
+        driven = road.drive(poses[k + 1], curvature, length)
         costs[k + 1] = costs[k] + change + driven
         before = elements[k]
     return poses, costs
