@@ -38,11 +38,13 @@ class Pilot:
     """Step it at 50 Hz. One thread."""
 
     def __init__(self, car: CarGeometry, config: ControlConfig, mission: Mission, odometry: Odometry) -> None:
+        self._car = car
+        self._config = config
         self._mission = mission
         self._odometry = odometry
         self._memory = ObstacleMemory(config.memory)
         self._wall = WallFollower(config.wall)
-        self._path = PathFollower(car, config.path)
+        self._path: PathFollower | None = None
         self._avoidance = ObstacleAvoidance(car, config.avoidance)
         self._speed = SpeedController(config.speed)
         self._behaviour = Behaviour.STAND
@@ -106,7 +108,7 @@ class Pilot:
         if behaviour is Behaviour.BY_HAND:
             return Wish(self._mission.hand_motion(now_s) or STAND_STILL, _HAND_STEERING_RAD)
         if behaviour is Behaviour.FOLLOW_PATH:
-            return self._path_wish(state)
+            return self._path_wish(now_s, state)
         return self._wall_wish(state)
 
     def _wall_wish(self, state: OdometryState) -> Wish:
@@ -114,14 +116,14 @@ class Pilot:
         self._mission.observed(state.distance_m, step.state is WallState.DONE)
         return Wish(step.motion, _FREE_STEERING_RAD, step.carrot_m, may_reverse=True)
 
-    def _path_wish(self, state: OdometryState) -> Wish:
+    def _path_wish(self, now_s: float, state: OdometryState) -> Wish:
         order = self._mission.order
         if order is None:
             return Wish(STAND_STILL)
-        if order is not self._order:
+        if order is not self._order or self._path is None:
             self._order = order
-            self._path.set_path(order.path)
-        step = self._path.step(state.odom_from_robot, state.speed_mps)
-        if step.state is not PathState.FOLLOWING:
+            self._path = PathFollower(self._car, self._config.path, order.path)
+        step = self._path.step(now_s, state.odom_from_robot, state.speed_mps)
+        if step.state in {PathState.DONE, PathState.LOST}:
             self._mission.path_ended(order)
         return Wish(step.motion, _PATH_STEERING_RAD)

@@ -21,6 +21,7 @@ _RESEND_M = 0.02  # the path is sent again when the map has moved its end so far
 _STANDS_S = 1.5  # after so long without following, the robot has ended the path
 _REPLAN_EVERY_S = 1.5
 _TRIES = 4
+_LOOK_AHEAD_POINTS = 12
 
 
 class GoalKeeper:
@@ -37,6 +38,7 @@ class GoalKeeper:
         self._goal_id = 0
         self._sent_end: NDArray[np.float64] | None = None
         self._tries = 0
+        self._at = 0  # the point of the path that the robot has come to
         self._planned_s = -math.inf
         self._followed_s = -math.inf
 
@@ -93,7 +95,8 @@ class GoalKeeper:
         plan = self._plan
         if plan is None or now_s - self._planned_s < _REPLAN_EVERY_S:
             return
-        if not self._planner.path_is_free(_rest_of(plan.path, snapshot.map_from_robot), snapshot.grid):
+        self._at = _nearest_ahead(plan.path, self._at, snapshot.map_from_robot)
+        if not self._planner.path_is_free(plan.path[self._at :], snapshot.grid):
             self._journal.add(Severity.INFO, "something new stands in the way: planning again")
             self._plan_and_send(snapshot, telemetry)
         elif self._has_moved(plan, snapshot):
@@ -126,7 +129,7 @@ class GoalKeeper:
             self._journal.add(Severity.WARNING, f"go to {goal[0]:.2f}, {goal[1]:.2f}: {refusal}")
             self.forget()
             return
-        self._plan = plan
+        self._plan, self._at = plan, 0
         self._journal.add(
             Severity.INFO,
             f"going to {goal[0]:.2f}, {goal[1]:.2f}: {plan.length_m:.1f} m, "
@@ -139,7 +142,8 @@ class GoalKeeper:
         return self._sent_end is None or math.dist(end[:2], self._sent_end[:2]) > _RESEND_M
 
     def _send_path(self, plan: Plan, snapshot: MapSnapshot) -> None:
-        path = _in_odom(plan.path, snapshot.map_from_odom)
+        rest = plan.path[min(self._at, len(plan.path) - 2) :]
+        path = _in_odom(rest, snapshot.map_from_odom)
         self._sent_end = path[-1]
         self._send(GoTo(self._goal_id, path.astype(np.float32)))
 
@@ -153,7 +157,7 @@ def _in_odom(path: NDArray[np.float64], map_from_odom: Pose2) -> NDArray[np.floa
     return moved
 
 
-def _rest_of(path: NDArray[np.float64], map_from_robot: Pose2) -> NDArray[np.float64]:
-    """What is still ahead: from the point nearest to the robot on."""
-    here = np.array([map_from_robot.x_m, map_from_robot.y_m])
-    return path[int(np.argmin(np.hypot(*(path[:, :2] - here).T))) :]
+def _nearest_ahead(path: NDArray[np.float64], at: int, map_from_robot: Pose2) -> int:
+    """How far along the path the robot is; a path may cross itself, so only what comes next is looked at."""
+    ahead = path[at : at + _LOOK_AHEAD_POINTS]
+    return at + int(np.argmin(np.hypot(ahead[:, 0] - map_from_robot.x_m, ahead[:, 1] - map_from_robot.y_m)))

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.messages import Hello, Observation, Telemetry
-from station_gui.comms.state import LinkState as LinkState
-from station_gui.comms.state import Severity as Severity
+from station_gui.comms.state import LinkState, Severity
 from station_gui.mapping.snapshot import MapSnapshot
+
+__all__ = ["LinkFigures", "LinkState", "LogEntry", "Operator", "OperatorView", "Severity"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -66,6 +66,11 @@ class MainWindow(QMainWindow):
         self.refresh()
 
     @property
+    def shown(self) -> OperatorView | None:
+        """The view that is on the screen."""
+        return self._view
+
+    @property
     def refresh_cost_s(self) -> float:
         """What a refresh takes without the painting, smoothed."""
         return self._refresh_s

@@ -1,0 +1,72 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from robot_app.safety.bands import Band, BandWatch, SafetyConfig
+from robot_app.safety.guard import Guard
+from shared.messages import StopReason
+
+
+@pytest.fixture
+def guard() -> Guard:
+    guard = Guard(SafetyConfig(), now_s=0.0)
+    guard.heard(10.0)
+    return guard
+
+
+def reason(guard: Guard, scan_age_s: float = 0.05, odometry_age_s: float = 0.01, now_s: float = 10.1) -> StopReason:
+    return guard.reason_to_stand(now_s, scan_age_s, odometry_age_s)
+
+
+def test_nothing_speaks_against_moving_when_all_is_well(guard: Guard) -> None:
+    assert reason(guard) is StopReason.NONE
+
+
+def test_a_station_that_says_nothing_stops_the_car(guard: Guard) -> None:
+    assert reason(guard, now_s=11.1) is StopReason.COMMAND_SILENCE
+    guard.heard(11.1)
+    assert reason(guard, now_s=11.2) is StopReason.NONE
+
+
+@pytest.mark.parametrize(("scan", "odometry"), [(0.3, 0.01), (0.05, 0.2), (math.inf, 0.01)])
+def test_stale_sensors_stop_the_car(guard: Guard, scan: float, odometry: float) -> None:
+    assert reason(guard, scan, odometry) is StopReason.SENSOR_STALE
+
+
+def test_a_hot_processor_stops_the_car_until_it_has_cooled_down(guard: Guard) -> None:
+    guard.take_temperature(86.0)
+    assert reason(guard) is StopReason.OVER_TEMPERATURE
+    guard.take_temperature(80.0)
+    assert reason(guard) is StopReason.OVER_TEMPERATURE
+    guard.take_temperature(74.0)
+    assert reason(guard) is StopReason.NONE
+
+
+def test_an_empty_battery_stops_the_car(guard: Guard) -> None:
+    guard.take_battery(5.5)
+    assert reason(guard) is StopReason.LOW_BATTERY
+    guard.take_battery(6.0)
+    assert reason(guard) is StopReason.LOW_BATTERY
+    guard.take_battery(6.3)
+    assert reason(guard) is StopReason.NONE
+
+
+def test_a_failed_task_stops_the_car_until_it_works_again(guard: Guard) -> None:
+    guard.fault_began("scan", "scanner: no answer")
+    assert reason(guard) is StopReason.DEVICE_FAULT
+    assert guard.faults == ("scanner: no answer",)
+    guard.fault_ended("scan")
+    assert reason(guard) is StopReason.NONE
+
+
+def test_a_value_that_is_not_known_leaves_the_band_as_it_is() -> None:
+    watch = BandWatch(Band(enter=85.0, leave=75.0))
+    watch.update(90.0)
+    assert watch.update(math.nan)
+
+
+def test_a_band_without_hysteresis_is_refused() -> None:
+    with pytest.raises(ValueError, match="differ"):
+        Band(80.0, 80.0)

@@ -1,0 +1,210 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from shared.link.base import Link, LinkError
+from shared.link.loopback import LoopbackLink, loopback_pair
+from shared.messages import Ack, Drive, EmergencyStop, Heartbeat, NumberedCommand, Report, Start, Stop, Telemetry
+from shared.protocol.codec import Decoder, encode
+from shared.runtime.clock import ManualClock
+from station_gui.comms.session import Session, SessionConfig
+from station_gui.comms.state import LinkState, Severity
+from tests.shared import samples
+
+
+@dataclasses.dataclass
+class Heard:
+    reports: list[Report] = dataclasses.field(default_factory=list)
+    datagrams: list[bytes] = dataclasses.field(default_factory=list)
+    events: list[str] = dataclasses.field(default_factory=list)
+
+    def on_datagram(self, datagram: bytes) -> None:
+        self.datagrams.append(datagram)
+
+    def on_report(self, report: Report) -> None:
+        self.reports.append(report)
+
+    def on_event(self, severity: Severity, text: str) -> None:
+        self.events.append(text)
+
+
+class Robot:
+    """The other end: what came, and answers."""
+
+    def __init__(self) -> None:
+        self.links: list[LoopbackLink] = []
+        self.refuse = False
+
+    def connect(self) -> Link:
+        if self.refuse:
+            raise LinkError("cannot connect to robot:47100: connection refused")
+        robot, station = loopback_pair()
+        self.links.append(robot)
+        return station
+
+    def received(self) -> list[NumberedCommand]:
+        commands = []
+        while (datagram := self.links[-1].receive(0.0)) is not None:
+            message = Decoder().decode(datagram)
+            assert isinstance(message, NumberedCommand)
+            if not isinstance(message.command, Heartbeat):
+                commands.append(message)
+        return commands
+
+    def send(self, report: Report) -> None:
+        assert self.links[-1].send(encode(report))
+
+
+@pytest.fixture
+def clock() -> ManualClock:
+    return ManualClock()
+
+
+@pytest.fixture
+def heard() -> Heard:
+    return Heard()
+
+
+@pytest.fixture
+def robot() -> Robot:
+    return Robot()
+
+
+@pytest.fixture
+def session(clock: ManualClock, heard: Heard, robot: Robot) -> Session:
+    session = Session(SessionConfig(), clock, heard, first_number=100)
+    session.connect(robot.connect)
+    session.step()
+    return session
+
+
+def run(session: Session, clock: ManualClock, seconds: float) -> None:
+    for _ in range(round(seconds / 0.02)):
+        clock.advance(0.02)
+        session.step()
+
+
+def test_a_connected_session_passes_reports_on(session: Session, robot: Robot, heard: Heard) -> None:
+    assert session.state is LinkState.CONNECTED
+    robot.send(samples.telemetry())
+    session.step()
+    assert isinstance(heard.reports[0], Telemetry)
+    assert len(heard.datagrams) == 1
+
+
+def test_a_command_is_repeated_with_its_number_until_it_is_answered(
+    session: Session, robot: Robot, clock: ManualClock
+) -> None:
+    session.send(Start())
+    run(session, clock, 0.9)
+    sent = robot.received()
+    assert len(sent) >= 2
+    assert {m.number for m in sent} == {sent[0].number}
+    robot.send(Ack(sent[0].number, True))
+    run(session, clock, 1.0)
+    assert robot.received() == []
+    assert session.round_trip_s < 1.0
+
+
+def test_a_refused_command_is_told_with_its_reason(session: Session, robot: Robot, heard: Heard) -> None:
+    session.send(Start())
+    session.step()
+    robot.send(Ack(robot.received()[0].number, False, "the mission is running already"))
+    session.step()
+    assert heard.events[-1] == "the robot refused Start: the mission is running already"
+
+
+def test_a_command_that_is_never_answered_is_given_up(
+    session: Session, robot: Robot, heard: Heard, clock: ManualClock
+) -> None:
+    session.send(Stop())
+    for _ in range(8):
+        run(session, clock, 0.5)
+        robot.send(samples.telemetry())
+    assert heard.events[-1] == "Stop was not answered after 5 tries"
+    assert len(robot.received()) == 5
+
+
+def test_an_emergency_stop_jumps_what_waits(session: Session, robot: Robot) -> None:
+    session.send(Drive(0.1, 0.0))
+    session.send(EmergencyStop())
+    session.step()
+    assert isinstance(robot.received()[0].command, EmergencyStop)
+
+
+def test_heartbeats_keep_coming(session: Session, robot: Robot, clock: ManualClock) -> None:
+    run(session, clock, 1.0)
+    beats = 0
+    while robot.links[-1].receive(0.0) is not None:
+        beats += 1
+    assert beats in {5, 6}
+
+
+def test_a_silent_robot_is_a_lost_link_and_is_connected_to_again(
+    session: Session, robot: Robot, heard: Heard, clock: ManualClock
+) -> None:
+    run(session, clock, 2.2)
+    assert "link lost: no word from the robot" in heard.events[-1]
+    run(session, clock, 1.0)
+    assert session.state is LinkState.CONNECTED
+    assert len(robot.links) == 2
+
+
+def test_a_closed_link_is_told_with_what_was_not_answered(
+    session: Session, robot: Robot, heard: Heard, clock: ManualClock
+) -> None:
+    session.send(Start())
+    session.step()
+    robot.refuse = True
+    robot.links[-1].close()
+    session.step()
+    assert session.state is LinkState.LOST
+    assert "not answered: Start" in heard.events[-1]
+    assert not session.send(Stop())
+
+
+def test_a_refused_connection_is_tried_again_more_and_more_slowly(
+    clock: ManualClock, heard: Heard, robot: Robot
+) -> None:
+    robot.refuse = True
+    session = Session(SessionConfig(), clock, heard, 1)
+    session.connect(robot.connect)
+    run(session, clock, 20.0)
+    assert 5 <= len(heard.events) <= 9
+    assert session.state is LinkState.CONNECTING
+    robot.refuse = False
+    run(session, clock, 5.0)
+    assert session.state is LinkState.CONNECTED
+
+
+def test_disconnecting_lets_go_of_the_link_and_does_not_come_back(
+    session: Session, robot: Robot, clock: ManualClock
+) -> None:
+    session.disconnect()
+    run(session, clock, 10.0)
+    assert session.state is LinkState.DISCONNECTED
+    assert not robot.links[-1].connected
+    assert len(robot.links) == 1
+
+
+def test_a_robot_of_another_version_is_named_once(session: Session, robot: Robot, heard: Heard) -> None:
+    import zlib
+
+    body = b"\x63" + encode(samples.telemetry())[1:-4]
+    for _ in range(3):
+        robot.links[-1].send(body + zlib.crc32(body).to_bytes(4, "little"))
+        session.step()
+    told = [e for e in heard.events if "version" in e]
+    assert told == ["the robot speaks protocol version 99, this station 1: update the older one"]
+
+
+def test_garbage_is_survived(session: Session, robot: Robot, heard: Heard, rng: np.random.Generator) -> None:
+    for _ in range(200):
+        robot.links[-1].send(rng.bytes(int(rng.integers(1, 200))))
+        session.step()
+    robot.send(samples.telemetry())
+    session.step()
+    assert len(heard.reports) == 1

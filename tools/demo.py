@@ -1,0 +1,145 @@
+"""`make demo`: the whole mission on the simulated robot, in the operator's window.
+
+With a display the window opens on the running robot and is the operator's. Without one, or with HEADLESS=1, the
+window runs on a virtual display and the mission is played with clicks on its buttons and its map.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import secrets
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from shared.command_line import EXIT_FAILED, EXIT_OK, Refused, run, set_up_logging
+from station_gui.config import StationConfig, load_config
+from tools.simulator.scenario import Scenario, find_scenario
+from tools.simulator.truth import read_truth
+
+OUT = Path("out/demo")
+_SCENARIO, _SEED = "lab", 1
+_READY_TIMEOUT_S = 120.0  # compiling takes a while the first time
+_END_TIMEOUT_S = 15.0
+_SCREEN = "1600x1000x24"
+_STEP_MS = 100
+
+
+@contextmanager
+def simulated_robot(out: Path) -> Iterator[int]:
+    """The simulator as a process of its own; gives its port, and ends it so that it writes its truth."""
+    port_file, log = out / "port.txt", out / "simulator.log"
+    port_file.unlink(missing_ok=True)
+    arguments = ["--scenario", _SCENARIO, "--seed", str(_SEED), "--port", "0"]
+    arguments += ["--port-file", str(port_file), "--out", str(out / "truth")]
+    with log.open("wb") as stream:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "tools.simulator", *arguments], stdout=stream, stderr=subprocess.STDOUT
+        )
+    try:
+        yield _wait_for_port(process, port_file, log)
+    finally:
+        process.terminate()
+        try:
+            process.wait(_END_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        port_file.unlink(missing_ok=True)
+
+
+def _wait_for_port(process: subprocess.Popen[bytes], port_file: Path, log: Path) -> int:
+    until_s = time.monotonic() + _READY_TIMEOUT_S
+    while time.monotonic() < until_s:
+        if process.poll() is not None:
+            last = (log.read_text("utf-8", "replace").strip().splitlines() or ["it said nothing"])[-1]
+            raise Refused(f"the simulator ended with code {process.returncode}: {last}; see {log}")
+        if port_file.exists() and (text := port_file.read_text("utf-8")).endswith("\n"):
+            return int(text)
+        time.sleep(0.1)
+    raise Refused(f"the simulator was not ready after {_READY_TIMEOUT_S:.0f} s; see {log}")
+
+
+@dataclass(slots=True)
+class _Say:
+    """Progress, a line each, with the seconds since the beginning."""
+
+    began_s: float
+
+    def __call__(self, text: str) -> None:
+        print(f"demo {time.monotonic() - self.began_s:5.1f} s  {text}", flush=True)
+
+
+def _play(config: StationConfig, scenario: Scenario, out: Path, say: _Say) -> int:
+    """The mission by itself, with clicks; pictures and summary at the end."""
+    from station_gui.app import run_window  # noqa: PLC0415 - Qt is loaded only once a display is there
+    from tools.demo_hands import Performance  # noqa: PLC0415
+    from tools.evaluate.summary import summarise  # noqa: PLC0415
+    from tools.pictures import draw_map  # noqa: PLC0415
+
+    recording = out / "mission.mcap"
+    with simulated_robot(out) as port:
+        say(f"the simulated robot listens on port {port}")
+        performance = Performance(scenario.goals_in_start_frame_m(), port, out, say, _STEP_MS)
+        run_window(config, secrets.randbits(31), when_open=performance.begin, name_recording=lambda: recording)
+    station, outcome = performance.result()
+    snapshot = station.finish_mapping()
+    if snapshot is not None:
+        draw_map(
+            snapshot.grid, snapshot.trajectory, snapshot.closures, out / "map2d.png", title=f"Demo: {scenario.name}"
+        )
+    goal = scenario.goals[-1].position_m if scenario.goals else None
+    summary = summarise(read_truth(out / "truth"), snapshot, station.figures, outcome, goal).as_json()
+    (out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n", "utf-8")
+    for key, value in summary.items():
+        print(f"  {key:22} {value}")
+    print(f"in {out}/: " + ", ".join(sorted(p.name for p in out.iterdir() if p.is_file())))
+    return EXIT_OK if outcome.failure == "" else EXIT_FAILED
+
+
+def _show(config: StationConfig, out: Path, say: _Say) -> int:
+    """The window is the operator's."""
+    from station_gui.app import run_window  # noqa: PLC0415 - Qt is loaded only once a display is there
+
+    with simulated_robot(out) as port:
+        say("the window opens: press Start observation; later choose Go to and click on the map")
+        recording = out / "mission.mcap"
+        code = run_window(config, secrets.randbits(31), ("127.0.0.1", port), name_recording=lambda: recording)
+    print(f"the mission was recorded in {recording}")
+    return code
+
+
+def _on_virtual_display() -> int:
+    if shutil.which("xvfb-run") is None:
+        raise Refused("there is no display and no xvfb-run; install the packages xvfb and xauth, or run make setup")
+    command = ["xvfb-run", "-a", "-s", f"-screen 0 {_SCREEN}", sys.executable, "-m", "tools.demo", "--virtual"]
+    return subprocess.call(command)
+
+
+def _work() -> int:
+    OUT.mkdir(parents=True, exist_ok=True)
+    headless = os.environ.get("HEADLESS", "") not in {"", "0"}
+    has_display = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+    say = _Say(time.monotonic())
+    if "--virtual" in sys.argv[1:]:
+        logging.getLogger("station").setLevel(logging.INFO)
+        return _play(load_config(None), find_scenario(_SCENARIO), OUT, say)
+    if headless or not has_display:
+        return _on_virtual_display()
+    return _show(load_config(None), OUT, say)
+
+
+def main() -> int:
+    set_up_logging(verbose=False)
+    return run("demo", _work)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
