@@ -58,8 +58,9 @@ def find_open(z: F32, min_cells: int, open_rows: I32) -> None:
 @njit(nogil=True, cache=True)
 def edge_measure(inner_m: float, outer_m: float, alpha: float) -> float:
     """P_edge of one axis (eqs 8 and 9): positive where one neighbour is 1 + alpha times as far as the other."""
-    difference: float = abs(inner_m - outer_m)
-    return max(difference - inner_m * alpha, difference - outer_m * alpha)
+    difference = abs(inner_m - outer_m)
+    measure: float = max(difference - inner_m * alpha, difference - outer_m * alpha)
+    return measure
 
 
 @njit(nogil=True, cache=True)
@@ -102,7 +103,7 @@ def _outer_distance(
 def _surface_slope(z: F32, i: int, j: int, di: int, dj: int, slack_m: float) -> float:
     """Change of inverse depth with a cell towards (di, dj), over up to four cells of the surface behind (i, j)."""
     q = 1.0 / z[i, j]
-    slope = q - 1.0 / z[i - di, j - dj]
+    slope: float = q - 1.0 / z[i - di, j - dj]
     for back in range(2, 5):
         k, m = i - di * back, j - dj * back
         if k < 0 or m < 0 or k >= z.shape[0] or m >= z.shape[1] or z[k, m] == 0.0:
@@ -475,9 +476,11 @@ def label_curves(
 
 @njit(nogil=True, cache=True)
 def corner_scores(edge_m: F32, edge_at: I32, cell_width: float, score: F32, smooth_m: F32) -> None:
-    """`score`: (E,) 0 in the middle of a straight edge, 0.7 at a right angle, 1 at its end.
+    """`score`: (E,) 0 in the middle of a straight edge, 1 at its end and at a right angle,
+    up to 4/3 where three edges meet.
 
-    It is how far the centre of the neighbouring edge points lies off, as a share of their mean distance.
+    An end is seen by how far the centre of the neighbouring edge points lies off, as a share of their mean distance;
+    a corner by their spreading in more than one direction, from the invariants of their second moments.
     `smooth_m`: (E, 3) that centre for points in the middle, which has less noise; the point itself for corners.
     A point with less than two others within two cells is a stray one: its score is -1.
     """
@@ -491,6 +494,7 @@ def corner_scores(edge_m: F32, edge_at: I32, cell_width: float, score: F32, smoo
             x, y, z = edge_m[index, 0], edge_m[index, 1], edge_m[index, 2]
             limit = (2.5 * reach * cell_width * z) ** 2
             sx, sy, sz, total, n, close = 0.0, 0.0, 0.0, 0.0, 0, 0
+            xx, yy, zz, xy, yz, zx = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for k in range(max(i - reach, 0), min(i + reach + 1, rows)):
                 for m in range(max(j - reach, 0), min(j + reach + 1, columns)):
                     other = edge_at[k, m]
@@ -500,11 +504,15 @@ def corner_scores(edge_m: F32, edge_at: I32, cell_width: float, score: F32, smoo
                     square = dx * dx + dy * dy + dz * dz
                     if square < limit:
                         sx, sy, sz, total, n = sx + dx, sy + dy, sz + dz, total + math.sqrt(square), n + 1
+                        xx, yy, zz = xx + dx * dx, yy + dy * dy, zz + dz * dz
+                        xy, yz, zx = xy + dx * dy, yz + dy * dz, zx + dz * dx
                         close += abs(k - i) <= 2 and abs(m - j) <= 2
             if close < 2:
                 score[index] = -1.0
                 continue
-            score[index] = math.sqrt(sx * sx + sy * sy + sz * sz) / total if n >= 3 and total > 0.0 else 0.0
+            end = math.sqrt(sx * sx + sy * sy + sz * sz) / total
+            spread = xx * yy + yy * zz + zz * xx - xy * xy - yz * yz - zx * zx
+            score[index] = max(end, 4.0 * spread / (xx + yy + zz) ** 2)
             share = 1.0 / (n + 1) if score[index] < 0.35 else 0.0
             smooth_m[index, 0] = x + sx * share
             smooth_m[index, 1] = y + sy * share

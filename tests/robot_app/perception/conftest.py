@@ -83,3 +83,8 @@ ROOM = [
 @pytest.fixture
 def world() -> BoxWorld:
     return BoxWorld()
+
+
+@pytest.fixture
+def room() -> list[Box]:
+    return list(ROOM)

@@ -1,0 +1,162 @@
+"""Step 1: which points are edges."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robot_app.drivers.base import DepthImage
+from robot_app.perception import _kernels as kernels
+from robot_app.perception.config import EdgeConfig
+from robot_app.perception.point_cloud import EdgeCloud
+
+UNIT_M = 0.00025
+lengths = st.floats(0.001, 5.0)
+
+
+def edge_measure_twin(left_m: float, right_m: float, alpha: float) -> float:
+    """Equation 8 as it is printed."""
+    return max(abs(left_m - right_m) - left_m * alpha, abs(left_m - right_m) - right_m * alpha)
+
+
+def cloud_of(world, image: DepthImage) -> EdgeCloud:
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, world.mount, np.random.default_rng(1))
+    cloud.update(image)
+    return cloud
+
+
+def edges_of(cloud: EdgeCloud) -> np.ndarray:
+    return cloud.edge_m[: cloud.edges]
+
+
+@settings(deadline=None)
+@given(lengths, lengths, st.floats(0.0, 10.0))
+def test_the_edge_measure_is_equation_8(left_m: float, right_m: float, alpha: float) -> None:
+    assert kernels.edge_measure(left_m, right_m, alpha) == pytest.approx(edge_measure_twin(left_m, right_m, alpha))
+
+
+def test_distances_between_cells_are_those_of_their_points(world) -> None:
+    rng = np.random.default_rng(1)
+    z = rng.uniform(1.0, 2.0, (120, 160)).astype(np.float32)
+    slope_x, slope_y = world.intrinsics.ray_slopes()
+    a = np.array([slope_x[2 + 4 * 50], slope_y[2 + 4 * 30], 1.0]) * z[30, 50]
+    b = np.array([slope_x[2 + 4 * 51], slope_y[2 + 4 * 30], 1.0]) * z[30, 51]
+    assert kernels._between(z, slope_x, slope_y, 4, 30, 50, 30, 51) == pytest.approx(np.linalg.norm(a - b), rel=1e-5)
+
+
+def test_the_decimated_image_keeps_what_is_in_range() -> None:
+    depth = np.arange(64 * 64, dtype=np.uint16).reshape(64, 64)
+    z = np.zeros((16, 16), np.float32)
+    count = kernels.decimate(depth, 0.001, 4, 0.5, 3.0, z)
+    twin = depth[2::4, 2::4] * 0.001
+    twin[(twin < 0.5) | (twin > 3.0)] = 0.0
+    assert count == np.count_nonzero(twin)
+    np.testing.assert_allclose(z, twin, atol=1e-6)
+
+
+def test_a_wall_that_fills_the_view_has_no_edges(world) -> None:
+    depth = np.full((480, 640), round(1.0 / UNIT_M), np.uint16)
+    noise = np.random.default_rng(1).integers(-8, 9, depth.shape)
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud.update(DepthImage(0.0, (depth + noise).astype(np.uint16), UNIT_M))
+    assert cloud.points == 19200
+    assert cloud.edges == 0
+
+
+def test_a_slanted_wall_has_no_edges(world) -> None:
+    slope_x, _ = world.intrinsics.ray_slopes()
+    depth_m = np.broadcast_to(2.0 / (1.0 - 1.2 * slope_x), (480, 640))
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud.update(DepthImage(0.0, np.round(depth_m / UNIT_M).astype(np.uint16), UNIT_M))
+    assert cloud.edges == 0
+
+
+def test_an_occluding_edge_belongs_to_the_near_surface(world) -> None:
+    depth_m = np.full((480, 640), 3.0)
+    depth_m[:, :301] = 1.0
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud.update(DepthImage(0.0, np.round(depth_m / UNIT_M).astype(np.uint16), UNIT_M))
+    edges = edges_of(cloud)
+    columns = edges[:, 0] / edges[:, 2] * world.intrinsics.fx + world.intrinsics.cx
+    assert len(edges) >= 118
+    assert np.abs(edges[:, 2] - 1.0).max() < 0.001
+    np.testing.assert_allclose(columns, 300.5, atol=0.1)
+
+
+def test_flying_pixels_and_the_shadow_beside_an_edge_are_no_edges(world) -> None:
+    depth_m = np.full((480, 640), 3.0)
+    depth_m[:, :300] = 1.0
+    depth_m[:, 300:303] = (1.4, 1.9, 2.5)
+    depth_m[:, 303:320] = 0.0
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud.update(DepthImage(0.0, np.round(depth_m / UNIT_M).astype(np.uint16), UNIT_M))
+    assert cloud.edges >= 118
+    assert np.abs(edges_of(cloud)[:, 2] - 1.0).max() < 0.001
+
+
+def test_a_hole_in_a_surface_is_no_edge(world) -> None:
+    depth_m = np.full((480, 640), 2.0)
+    depth_m[200:230, 300:340] = 0.0
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud.update(DepthImage(0.0, np.round(depth_m / UNIT_M).astype(np.uint16), UNIT_M))
+    assert cloud.edges == 0
+
+
+def test_the_top_of_a_wall_against_open_space_is_an_edge_and_the_image_border_is_not(world) -> None:
+    depth_m = np.full((480, 640), 2.0)
+    depth_m[:100] = 0.0
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud.update(DepthImage(0.0, np.round(depth_m / UNIT_M).astype(np.uint16), UNIT_M))
+    edges = edges_of(cloud)
+    rows = edges[:, 1] / edges[:, 2] * world.intrinsics.fy + world.intrinsics.cy
+    assert len(edges) > 150
+    np.testing.assert_allclose(rows, 100.5, atol=0.1)
+
+
+def test_something_too_near_to_be_measured_makes_no_edge_on_what_is_behind_it(world) -> None:
+    depth_m = np.full((480, 640), 2.0)
+    depth_m[:, :300] = 0.0
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud.update(DepthImage(0.0, np.round(depth_m / UNIT_M).astype(np.uint16), UNIT_M))
+    assert cloud.edges == 0
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.003])
+def test_two_walls_that_meet_make_a_crease_where_they_meet(world, noise_m: float) -> None:
+    slope_x, _ = world.intrinsics.ray_slopes()
+    depth_m = np.broadcast_to(np.minimum(2.0 / (1.0 + slope_x), 2.0 / (1.0 - 0.8 * slope_x)), (480, 640))
+    depth_m = depth_m + np.random.default_rng(1).normal(0.0, noise_m, depth_m.shape) if noise_m else depth_m
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud.update(DepthImage(0.0, np.round(depth_m / UNIT_M).astype(np.uint16), UNIT_M))
+    edges = edges_of(cloud)
+    assert len(edges) > 80
+    assert np.median(np.abs(edges[:, 0])) < 0.01
+
+
+def test_the_floor_alone_has_no_edges(world) -> None:
+    cloud = cloud_of(world, world.image([], np.random.default_rng(1)))
+    assert cloud.points > 5000
+    assert cloud.edges == 0
+
+
+def test_an_image_of_another_size_is_refused(world) -> None:
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, world.mount, np.random.default_rng(1))
+    with pytest.raises(ValueError, match="intrinsics say"):
+        cloud.update(DepthImage(0.0, np.zeros((240, 320), np.uint16), UNIT_M))
+
+
+def test_the_number_of_samples_is_bounded(world) -> None:
+    noise = np.random.default_rng(1).integers(2000, 16000, (480 // 16, 640 // 16)).repeat(16, 0).repeat(16, 1)
+    cloud = EdgeCloud(EdgeConfig(max_samples=200), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud.update(DepthImage(0.0, noise.astype(np.uint16), UNIT_M))
+    assert cloud.edges > 1000
+    assert 100 < cloud.samples <= 200
+
+
+class FarFloor:
+    """A camera so high that no floor is in view."""
+
+    def robot_from_optical(self) -> np.ndarray:
+        return np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 100], [0, 0, 0, 1]], np.float64)
