@@ -108,6 +108,7 @@ class PoseGraphConfig:
     switch_chi2: float = 12.0  # a closure whose error is above this loses weight (dynamic covariance scaling)
     iterations: int = 12
     optimise_chi2: float = 4.0  # a closure that the graph agrees with better is not worth an optimisation now
+    optimise_nodes: int = 8  # small corrections wait until this many nodes have come
     moved_m: float = 0.005  # poses that move less are not a new revision
 
 

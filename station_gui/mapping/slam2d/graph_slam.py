@@ -57,6 +57,9 @@ class GraphSlam:
         self._node_way_m = 0.0
         self._node_turn_rad = 0.0
         self._lost_scans = 0
+        self._bent = False  # closures say that the graph wants optimising
+        self._urgent = False
+        self._optimised_nodes = 0
 
     def add(self, scan: PointScan) -> Pose2:
         """See `Slam.add`. Raises MappingError for a scan that holds anything but finite numbers."""
@@ -79,7 +82,9 @@ class GraphSlam:
         self._jobs.extend(self._closer.candidates(self._graph, self._node))
         while self._jobs:
             self._search(self._jobs.popleft())
-        self._optimise()
+        before = self._graph.poses.copy()
+        self._graph.optimise()
+        self._note_moves(before)
 
     def pose_of_scan(self, index: int) -> Pose2:
         node = self._graph.poses[self._scans.node_of(index)]
@@ -224,8 +229,10 @@ class GraphSlam:
         self._local.add_pending(keyframe)
 
     def _work(self) -> None:
-        """A bounded share of what is put off: one search, a few scans of the next local map."""
-        if self._jobs:
+        """A bounded share of what is put off: one search or one step of optimisation, some scans of the next window."""
+        if self._graph.optimising or self._urgent or not self._jobs:
+            self._optimise_a_little()
+        else:
             self._search(self._jobs.popleft())
         if not self._local.building and self._since_rebuild_m > self._config.local_map.rebuild_distance_m:
             self._since_rebuild_m = 0.0
@@ -280,11 +287,24 @@ class GraphSlam:
             )
             self._closed.append((closure.old, closure.new))
         if float(self._graph.chi2()[-len(closures) :].max()) > config.optimise_chi2:
-            self._optimise()
+            self._bent = True
+        self._urgent = self._urgent or len(closures) > 1
 
-    def _optimise(self) -> None:
-        before = self._graph.poses.copy()
-        self._graph.optimise()
+    def _optimise_a_little(self) -> None:
+        """Small corrections are gathered over a few nodes, a loop that was far open is closed at once."""
+        graph = self._graph
+        if graph.optimising:
+            before = graph.poses.copy()
+            if graph.step():
+                self._note_moves(before)
+            return
+        due = graph.nodes - self._optimised_nodes >= self._config.pose_graph.optimise_nodes
+        if self._urgent or (self._bent and due):
+            self._urgent = self._bent = False
+            self._optimised_nodes = graph.nodes
+            graph.begin_optimisation()
+
+    def _note_moves(self, before: NDArray[np.float64]) -> None:
         moved_m = np.hypot(*(self._graph.poses - before)[:, :2].T)
         if float(moved_m.max()) > self._config.pose_graph.moved_m:
             self._revision += 1

@@ -10,6 +10,7 @@ from scipy.sparse.linalg import splu
 
 from station_gui.mapping.slam2d.config import PoseGraphConfig
 from station_gui.mapping.slam2d.graph import _kernels
+from station_gui.mapping.slam2d.se2_arrays import between, compose
 
 _FIRST_ROOM = 256
 
@@ -25,6 +26,10 @@ class PoseGraph:
         self._information = np.zeros((_FIRST_ROOM, 3, 3))
         self._robust = np.zeros(_FIRST_ROOM, np.bool_)
         self._length_m = np.zeros(_FIRST_ROOM)
+        self._trial: NDArray[np.float64] | None = None
+        self._switch_chi2 = config.switch_chi2
+        self._optimised_edges = 0
+        self._steps_left = 0
         self.nodes = 0
         self.edges = 0
 
@@ -76,29 +81,65 @@ class PoseGraph:
         self._length_m[e] = length_m
         self.edges += 1
 
-    def optimise(self) -> None:
-        """A few Gauss–Newton steps from where the nodes are.
+    @property
+    def optimising(self) -> bool:
+        return self._trial is not None
 
-        At first every closure pulls with its full weight, however far off it is; then those whose error stays
-        above what the graph can explain let go (graduated non-convexity, Yang et al. 2020).
+    def begin_optimisation(self) -> None:
+        """Start from where the nodes are; `step` does the work, one linear system at a time.
+
+        At first every closure that is new pulls with its full weight, however far off it is; then those whose
+        error stays above what the graph can explain let go (graduated non-convexity, Yang et al. 2020).
         """
-        if self.nodes < 2:
-            return
-        size = 3 * (self.nodes - 1)
-        rows, columns = np.zeros(36 * self.edges, np.int32), np.zeros(36 * self.edges, np.int32)
-        values, gradient = np.zeros(36 * self.edges), np.zeros(size)
-        switch_chi2 = max(self._config.switch_chi2, float(self.chi2()[self.robust].max(initial=0.0)))
-        for _ in range(self._config.iterations):
-            _kernels.assemble(
-                self.poses, self.ends, self._measured[: self.edges], self._information[: self.edges], self.robust,
-                switch_chi2, rows, columns, values, gradient,
-            )  # fmt: skip
-            system = csc_array((values, (rows, columns)), shape=(size, size))
-            step = splu(system, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(-gradient)
-            self.poses[1:] += step.reshape(-1, 3)
-            if switch_chi2 <= self._config.switch_chi2 and float(np.abs(step).max()) < 1e-4:
-                break
-            switch_chi2 = max(self._config.switch_chi2, 0.2 * switch_chi2)
+        new = self.robust & (np.arange(self.edges) >= self._optimised_edges)
+        self._switch_chi2 = max(self._config.switch_chi2, float(self.chi2()[new].max(initial=0.0)))
+        self._trial = self.poses.copy()
+        self._optimised_edges = self.edges
+        self._steps_left = self._config.iterations
+
+    def step(self) -> bool:
+        """One Gauss–Newton step; True when it was the last and the nodes have moved to their new poses."""
+        trial = self._trial
+        if trial is None:
+            return False
+        change = self._gauss_newton(trial)
+        self._steps_left -= 1
+        settled = self._switch_chi2 <= self._config.switch_chi2 and change < 1e-4
+        self._switch_chi2 = max(self._config.switch_chi2, 0.2 * self._switch_chi2)
+        if not settled and self._steps_left > 0:
+            return False
+        self._adopt(trial)
+        self._trial = None
+        return True
+
+    def optimise(self) -> None:
+        """All steps at once."""
+        if self.nodes > 1 and self.edges > 0:
+            self.begin_optimisation()
+            while not self.step():
+                pass
+
+    def _gauss_newton(self, trial: NDArray[np.float64]) -> float:
+        """Moves `trial`; returns the largest change of a coordinate."""
+        edges, size = self._optimised_edges, 3 * (len(trial) - 1)
+        rows, columns = np.zeros(36 * edges, np.int32), np.zeros(36 * edges, np.int32)
+        values, gradient = np.zeros(36 * edges), np.zeros(size)
+        _kernels.assemble(
+            trial, self._ends[:edges], self._measured[:edges], self._information[:edges], self._robust[:edges],
+            self._switch_chi2, rows, columns, values, gradient,
+        )  # fmt: skip
+        system = csc_array((values, (rows, columns)), shape=(size, size))
+        change = splu(system, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(-gradient)
+        trial[1:] += change.reshape(-1, 3)
+        return float(np.abs(change).max())
+
+    def _adopt(self, trial: NDArray[np.float64]) -> None:
+        """Nodes that came meanwhile follow the last one that took part."""
+        last = len(trial) - 1
+        before = self._poses[last].copy()
+        for k in range(len(trial), self.nodes):
+            self._poses[k] = compose(trial[last], between(before, self._poses[k]))
+        self._poses[: len(trial)] = trial
 
     def chi2(self) -> NDArray[np.float64]:
         """(edges,): squared error of every edge by its information."""

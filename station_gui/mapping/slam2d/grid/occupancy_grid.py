@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from station_gui.mapping.slam2d.config import GridConfig
 from station_gui.mapping.slam2d.grid import _kernels
 from station_gui.mapping.snapshot import GridMap
 
-_MARGIN_CELLS = 64
+_MARGIN_M = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +102,7 @@ class OccupancyGrid:
         Raises MappingError where the map would become larger than is allowed; those scans are left out.
         """
         fault: MappingError | None = None
+        self._make_room_for_all(scans, poses)
         for scan, pose in zip(scans, poses, strict=True):
             try:
                 self.add(scan.points_m, scan.scanner_m, pose)
@@ -109,15 +111,22 @@ class OccupancyGrid:
         if fault is not None:
             raise fault
 
+    def _make_room_for_all(self, scans: Sequence[DrawableScan], poses: NDArray[np.float64]) -> None:
+        """Once for many scans; where they do not all fit each is tried by itself."""
+        box: _Box | None = None
+        for scan, pose in zip(scans, poses, strict=True):
+            own = self._drawn(scan.points_m, scan.scanner_m, pose).box(pose)
+            box = own if box is None else box.joined(own)
+        if box is not None:
+            with contextlib.suppress(MappingError):
+                self._make_room(box)
+
     def add(self, points_m: NDArray[np.float32], scanner_m: NDArray[np.float64], pose: NDArray[np.float64]) -> None:
         """Draw one more scan. `points_m`: (N, 2) and `scanner_m`: (2,), robot frame; `pose`: (3,), map frame.
 
         Raises MappingError where the map would become larger than is allowed; the scan is left out.
         """
-        reach = np.hypot(points_m[:, 0] - scanner_m[0], points_m[:, 1] - scanner_m[1])
-        near = reach <= self._config.max_range_m
-        farthest_m = float(reach[near].max(initial=0.0))
-        scan = _Drawn(points_m[near], scanner_m, pose.copy(), farthest_m + float(np.hypot(*scanner_m)))
+        scan = self._drawn(points_m, scanner_m, pose)
         try:
             self._make_room(scan.box(pose))
         except MappingError:
@@ -125,6 +134,12 @@ class OccupancyGrid:
             raise
         self._scans.append(scan)
         self._trace(scan, 1)
+
+    def _drawn(self, points_m: NDArray[np.float32], scanner_m: NDArray[np.float64], pose: NDArray[np.float64]) -> _Drawn:
+        reach = np.hypot(points_m[:, 0] - scanner_m[0], points_m[:, 1] - scanner_m[1])
+        near = reach <= self._config.max_range_m
+        farthest_m = float(reach[near].max(initial=0.0))
+        return _Drawn(points_m[near], scanner_m, pose.copy(), farthest_m + float(np.hypot(*scanner_m)))
 
     def move(self, poses: NDArray[np.float64]) -> None:
         """`poses`: (consumed, 3): where the scans are believed to be now; those that moved are drawn again."""
@@ -191,8 +206,9 @@ class OccupancyGrid:
     def _grow(self, box: _Box, *, empty: bool) -> None:
         """Copy the counts into a larger array whose cells lie on the same raster."""
         cell_m = self._cell_m
-        low_column, low_row = (math.floor(v / cell_m) - _MARGIN_CELLS for v in (box.low_x, box.low_y))
-        high_column, high_row = (math.ceil(v / cell_m) + _MARGIN_CELLS for v in (box.high_x, box.high_y))
+        wider = box.widened(min(0.05 * max(box.high_x - box.low_x, box.high_y - box.low_y), 2.0) + _MARGIN_M)
+        low_column, low_row = math.floor(wider.low_x / cell_m), math.floor(wider.low_y / cell_m)
+        high_column, high_row = math.ceil(wider.high_x / cell_m), math.ceil(wider.high_y / cell_m)
         shape = (high_row - low_row, high_column - low_column)
         hits, passes = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
         probability = np.full(shape, 0.5, np.float32)
