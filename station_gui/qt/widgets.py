@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from PySide6.QtCore import QEvent, QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QKeyEvent, QPainter, QPaintEvent
+from PySide6.QtGui import QColor, QImage, QKeyEvent, QPainter, QPaintEvent
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QLineEdit, QSizePolicy, QToolButton, QVBoxLayout, QWidget
 
 from station_gui.qt import theme
@@ -115,6 +115,15 @@ class Lamp(QWidget):
         painter.setBrush(self._colour)
         painter.drawEllipse(QRectF(self.rect()).adjusted(1, 1, -1, -1))
         painter.end()
+
+
+def picture_of(widget: QWidget) -> QImage:
+    """The widget as it looks, in full colour whatever the depth of the screen."""
+    ratio = widget.devicePixelRatioF()
+    image = QImage(widget.size() * ratio, QImage.Format.Format_RGB32)
+    image.setDevicePixelRatio(ratio)
+    QWidget.render(widget, image)  # a graphics view has another method of this name
+    return image
 
 
 class PlainEdit(QLineEdit):

@@ -14,6 +14,7 @@ from shared.runtime.clock import stopwatch_s
 from station_gui.model.view import Operator, OperatorView
 from station_gui.qt import theme
 from station_gui.qt.bridge import Guard
+from station_gui.qt.widgets import picture_of
 from station_gui.views import words
 from station_gui.views.commands import CommandPanel, allowed
 from station_gui.views.config import WindowConfig
@@ -85,7 +86,7 @@ class MainWindow(QMainWindow):
         """Write the window as it is, 3D included, and the 3D map alone; OSError when a file cannot be written."""
         self.refresh()
         self.map3d.polish()
-        _save(self.grab().save(str(window_png)), window_png)
+        _save(picture_of(self).save(str(window_png)), window_png)
         if map3d_png is not None:
             _save(self.map3d.picture(*map3d_px).save(str(map3d_png)), map3d_png)
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QPointF, Qt, Signal
-from PySide6.QtGui import QImage, QPixmap
+from PySide6.QtGui import QImage
 from PySide6.QtWidgets import QCheckBox, QHBoxLayout, QSizePolicy, QWidget
 
 from station_gui.mapping.snapshot import MapSnapshot
 from station_gui.model.view import LinkState, OperatorView
 from station_gui.qt import theme
-from station_gui.qt.widgets import Panel, label, overlay_label, tool_button
+from station_gui.qt.widgets import Panel, label, overlay_label, picture_of, tool_button
 from station_gui.views import words
 from station_gui.views.grid_picture import Extent
 from station_gui.views.map2d_layers import LAYERS, MapLayers
@@ -62,8 +62,7 @@ class Map2dCanvas(Panel):
 
     def picture(self, width_px: int, height_px: int) -> QImage:
         """The plot alone, scaled to this size."""
-        grabbed: QPixmap = self._plot.grab()
-        return grabbed.toImage().scaled(
+        return picture_of(self.plot()).scaled(
             width_px, height_px, Qt.AspectRatioMode.KeepAspectRatio, Qt.TransformationMode.SmoothTransformation
         )
 

@@ -121,7 +121,7 @@ class MapLayers:
         shown = finite_rows(places)
         self._trajectory.setData(shown[:, 0], shown[:, 1])
         self._keyframes.setData(shown[:, 0], shown[:, 1])
-        pairs = np.asarray(snapshot.closures).reshape(-1, 2)
+        pairs = np.asarray(snapshot.closures, np.int64).reshape(-1, 2)
         pairs = pairs[((pairs >= 0) & (pairs < len(places))).all(axis=1)]
         ends = finite_rows(places[pairs].reshape(-1, 4)).reshape(-1, 2)
         self._closures.setData(ends[:, 0], ends[:, 1])
