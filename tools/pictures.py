@@ -54,11 +54,15 @@ def draw_map(
 ) -> None:
     """Write a PNG. `trajectory`: (K, 4) stamp, x, y, theta; `closures`: (L, 2) indices into it."""
     frame, shown = _fit(grid)
-    picture = _shade(shown).resize((frame.width_px * _OVERSAMPLING, frame.height_px * _OVERSAMPLING), _filter(frame, grid))
+    picture = _shade(shown).resize(
+        (frame.width_px * _OVERSAMPLING, frame.height_px * _OVERSAMPLING), _filter(frame, grid)
+    )
     _draw_way(ImageDraw.Draw(picture, "RGBA"), frame, trajectory, closures)
     picture = picture.resize((frame.width_px, frame.height_px), Image.Resampling.LANCZOS)
     page = Image.new(
-        "RGB", (max(frame.width_px, 560) + 2 * _MARGIN_PX, frame.height_px + _HEADER_PX + _FOOTER_PX + _MARGIN_PX), _PAPER
+        "RGB",
+        (max(frame.width_px, 560) + 2 * _MARGIN_PX, frame.height_px + _HEADER_PX + _FOOTER_PX + _MARGIN_PX),
+        _PAPER,
     )
     left = (page.width - frame.width_px) // 2
     page.paste(picture, (left, _HEADER_PX))

@@ -11,6 +11,7 @@ import sys
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TextIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from station_gui.mapping.scan import to_points
 from station_gui.mapping.slam2d.config import GraphSlamConfig
 from station_gui.mapping.slam2d.graph_slam import GraphSlam
-from station_gui.mapping.slam2d.se2_arrays import between, compose
+from station_gui.mapping.slam2d.se2_arrays import between
 from tools.logs.base import LogError
 from tools.logs.carmen import CarmenReader
 
@@ -98,9 +99,7 @@ def play(log: Path, config: GraphSlamConfig) -> Run:
     began_s = time.perf_counter()
     slam.finish()
     finish_s = time.perf_counter() - began_s
-    return Run(
-        np.array(stamps), slam.scan_poses(), np.array(steps), finish_s, len(slam.closures()), reader.truncated
-    )
+    return Run(np.array(stamps), slam.scan_poses(), np.array(steps), finish_s, len(slam.closures()), reader.truncated)
 
 
 def summarise(result: Run, relations: FloatArray) -> SlamFigures:
@@ -141,11 +140,11 @@ def read_relations(path: Path) -> FloatArray:
     return np.array(rows)[:, [0, 1, 2, 3, 7]]
 
 
-def _open_text(path: Path):  # type: ignore[no-untyped-def]
+def _open_text(path: Path) -> TextIO:
     if path.suffix == ".gz":
-        return gzip.open(path, "rt")
+        return cast("TextIO", gzip.open(path, "rt"))
     if path.suffix == ".bz2":
-        return bz2.open(path, "rt")
+        return cast("TextIO", bz2.open(path, "rt"))
     return path.open()
 
 
@@ -177,8 +176,6 @@ def main() -> int:
     add_arguments(parser)
     return run(parser.parse_args())
 
-
-__all__ = ["SlamFigures", "add_arguments", "compose", "main", "play", "run", "summarise"]
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -8,7 +8,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Protocol
+from typing import BinaryIO, Protocol, cast
 
 from shared.messages import Observation
 
@@ -61,11 +61,11 @@ class LineSource:
                 raise LogError(f"{self.path}: cannot be read: {error}") from error
             self.cut = f"{self.path}: damaged after line {number}: {error}"
 
-    def _open(self) -> IO[bytes]:
+    def _open(self) -> BinaryIO:
         if self.path.suffix == ".gz":
-            return gzip.open(self.path, "rb")
+            return cast("BinaryIO", gzip.open(self.path, "rb"))
         if self.path.suffix == ".bz2":
-            return bz2.open(self.path, "rb")
+            return cast("BinaryIO", bz2.open(self.path, "rb"))
         return self.path.open("rb")
 
     def _line(self, raw: bytes, number: int) -> Line:

@@ -282,9 +282,7 @@ class GraphSlam:
         config = self._config.pose_graph
         for closure in closures:
             information = edge_information(closure.information, 0.0, config.shift_sigma_m, config.turn_sigma_rad)
-            self._graph.add_edge(
-                closure.old, closure.new, closure.measured, information, 0.5, robust=True
-            )
+            self._graph.add_edge(closure.old, closure.new, closure.measured, information, 0.5, robust=True)
             self._closed.append((closure.old, closure.new))
         if float(self._graph.chi2()[-len(closures) :].max()) > config.optimise_chi2:
             self._bent = True

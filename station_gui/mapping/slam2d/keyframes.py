@@ -51,7 +51,7 @@ class Placed:
         return int(self._node[: self._count][index])
 
     def in_node(self, index: int) -> NDArray[np.float64]:
-        return self._in_node[: self._count][index]
+        return np.asarray(self._in_node[: self._count][index])
 
     def poses(self, nodes: NDArray[np.float64]) -> NDArray[np.float64]:
         """(len(self), 3), map frame; `nodes`: (K, 3), the nodes' poses."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array
@@ -13,6 +15,7 @@ from station_gui.mapping.slam2d.graph import _kernels
 from station_gui.mapping.slam2d.se2_arrays import between, compose
 
 _FIRST_ROOM = 256
+_Number = TypeVar("_Number", bound=np.generic)
 
 
 class PoseGraph:
@@ -20,12 +23,12 @@ class PoseGraph:
 
     def __init__(self, config: PoseGraphConfig) -> None:
         self._config = config
-        self._poses = np.zeros((_FIRST_ROOM, 3))
-        self._ends = np.zeros((_FIRST_ROOM, 2), np.int32)
-        self._measured = np.zeros((_FIRST_ROOM, 3))
-        self._information = np.zeros((_FIRST_ROOM, 3, 3))
-        self._robust = np.zeros(_FIRST_ROOM, np.bool_)
-        self._length_m = np.zeros(_FIRST_ROOM)
+        self._poses: NDArray[np.float64] = np.zeros((_FIRST_ROOM, 3))
+        self._ends: NDArray[np.int32] = np.zeros((_FIRST_ROOM, 2), np.int32)
+        self._measured: NDArray[np.float64] = np.zeros((_FIRST_ROOM, 3))
+        self._information: NDArray[np.float64] = np.zeros((_FIRST_ROOM, 3, 3))
+        self._robust: NDArray[np.bool_] = np.zeros(_FIRST_ROOM, np.bool_)
+        self._length_m: NDArray[np.float64] = np.zeros(_FIRST_ROOM)
         self._trial: NDArray[np.float64] | None = None
         self._switch_chi2 = config.switch_chi2
         self._optimised_edges = 0
@@ -144,9 +147,7 @@ class PoseGraph:
     def chi2(self) -> NDArray[np.float64]:
         """(edges,): squared error of every edge by its information."""
         result = np.zeros(self.edges)
-        _kernels.all_chi2(
-            self.poses, self.ends, self._measured[: self.edges], self._information[: self.edges], result
-        )
+        _kernels.all_chi2(self.poses, self.ends, self._measured[: self.edges], self._information[: self.edges], result)
         return result
 
     def distances_m(self, node: int, limit_m: float = np.inf) -> NDArray[np.float64]:
@@ -154,8 +155,8 @@ class PoseGraph:
         graph = csr_array(
             (self._length_m[: self.edges], (self.ends[:, 0], self.ends[:, 1])), shape=(self.nodes, self.nodes)
         )
-        return np.asarray(dijkstra(graph, directed=False, indices=node, limit=limit_m), dtype=np.float64)
+        return np.asarray(dijkstra(graph, directed=False, indices=np.int64(node), limit=limit_m), dtype=np.float64)
 
 
-def _doubled(array: NDArray[np.generic]) -> NDArray[np.generic]:
+def _doubled(array: NDArray[_Number]) -> NDArray[_Number]:
     return np.concatenate((array, np.zeros_like(array)))

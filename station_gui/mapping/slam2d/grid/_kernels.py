@@ -40,10 +40,10 @@ def trace_scan(
             continue
         end_x = (pose[0] + c * px - s * py - origin_x) / cell_m
         end_y = (pose[1] + s * px + c * py - origin_y) / cell_m
-        column = int(math.floor(start_x))
-        row = int(math.floor(start_y))
-        last_column = int(math.floor(end_x))
-        last_row = int(math.floor(end_y))
+        column = math.floor(start_x)
+        row = math.floor(start_y)
+        last_column = math.floor(end_x)
+        last_row = math.floor(end_y)
         if min(column, row, last_column, last_row) < 0:
             continue
         if max(column, last_column) >= width or max(row, last_row) >= height:

@@ -135,7 +135,9 @@ class OccupancyGrid:
         self._scans.append(scan)
         self._trace(scan, 1)
 
-    def _drawn(self, points_m: NDArray[np.float32], scanner_m: NDArray[np.float64], pose: NDArray[np.float64]) -> _Drawn:
+    def _drawn(
+        self, points_m: NDArray[np.float32], scanner_m: NDArray[np.float64], pose: NDArray[np.float64]
+    ) -> _Drawn:
         reach = np.hypot(points_m[:, 0] - scanner_m[0], points_m[:, 1] - scanner_m[1])
         near = reach <= self._config.max_range_m
         farthest_m = float(reach[near].max(initial=0.0))
@@ -148,7 +150,9 @@ class OccupancyGrid:
         drawn = np.array([scan.pose for scan in self._scans])
         change = poses - drawn
         turned_m = np.abs(np.remainder(change[:, 2] + math.pi, math.tau) - math.pi) * [s.reach_m for s in self._scans]
-        moved = np.flatnonzero(np.hypot(change[:, 0], change[:, 1]) + turned_m > self._config.moved_cells * self._cell_m)
+        moved = np.flatnonzero(
+            np.hypot(change[:, 0], change[:, 1]) + turned_m > self._config.moved_cells * self._cell_m
+        )
         if 2 * len(moved) > len(self._scans):
             for scan, pose in zip(self._scans, poses, strict=True):
                 scan.pose = pose.copy()

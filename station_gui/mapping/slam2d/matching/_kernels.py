@@ -93,8 +93,8 @@ def stamp(
     for i in range(points.shape[0]):
         x = pose[0] + c * points[i, 0] - s * points[i, 1]
         y = pose[1] + s * points[i, 0] + c * points[i, 1]
-        column = int(math.floor((x - origin_x) / cell_m))
-        row = int(math.floor((y - origin_y) / cell_m))
+        column = math.floor((x - origin_x) / cell_m)
+        row = math.floor((y - origin_y) / cell_m)
         if column < reach or row < reach or column >= width - reach or row >= height - reach:
             continue
         if distance2[row, column] == 0:
@@ -169,8 +169,8 @@ def linearise(
         ry = s * points[i, 0] + c * points[i, 1]
         x = pose[0] + rx
         y = pose[1] + ry
-        column = int(math.floor((x - origin_x) / cell_m))
-        row = int(math.floor((y - origin_y) / cell_m))
+        column = math.floor((x - origin_x) / cell_m)
+        row = math.floor((y - origin_y) / cell_m)
         if column < 0 or row < 0 or column >= width or row >= height:
             continue
         figures[1] += 1.0
@@ -348,46 +348,3 @@ def refine(
         hessian, gradient, figures,
     )  # fmt: skip
     return iteration
-
-
-@njit(nogil=True, cache=True)
-def correlate(
-    points: FloatArray,
-    centre: FloatArray,
-    shifts: int,
-    shift_m: float,
-    turns: int,
-    turn_rad: float,
-    likelihood: FloatArray,
-    origin_x: float,
-    origin_y: float,
-    cell_m: float,
-    distance2: NDArray[np.uint8],
-    best: FloatArray,
-) -> float:
-    """Exhaustive search round `centre`; `best` becomes the pose of the highest mean likelihood, which is returned."""
-    height, width = distance2.shape
-    count = points.shape[0]
-    best_sum = -1.0
-    for k in range(-turns, turns + 1):
-        angle = centre[2] + k * turn_rad
-        c = math.cos(angle)
-        s = math.sin(angle)
-        for j in range(-shifts, shifts + 1):
-            for i in range(-shifts, shifts + 1):
-                tx = centre[0] + i * shift_m
-                ty = centre[1] + j * shift_m
-                total = 0.0
-                for p in range(count):
-                    x = tx + c * points[p, 0] - s * points[p, 1]
-                    y = ty + s * points[p, 0] + c * points[p, 1]
-                    column = int(math.floor((x - origin_x) / cell_m))
-                    row = int(math.floor((y - origin_y) / cell_m))
-                    if 0 <= column < width and 0 <= row < height:
-                        total += likelihood[distance2[row, column]]
-                if total > best_sum:
-                    best_sum = total
-                    best[0] = tx
-                    best[1] = ty
-                    best[2] = angle
-    return best_sum / max(count, 1)

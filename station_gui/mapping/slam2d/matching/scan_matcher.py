@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from station_gui.mapping.slam2d.config import MatchConfig, NormalConfig
 from station_gui.mapping.slam2d.matching import _kernels
 from station_gui.mapping.slam2d.matching.local_map import LocalMap
+from station_gui.mapping.slam2d.search._kernels import correlate
 
 _NO_PRIOR = np.zeros(3)
 
@@ -43,7 +44,7 @@ def to_lines(points_m: NDArray[np.float64], origin_m: NDArray[np.float64], confi
 def _gap_to_neighbour_m(points_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """(N,): distance to the nearer of the points before and after."""
     gaps = np.hypot(*np.diff(points_m, axis=0).T) if len(points_m) > 1 else np.zeros(0)
-    return np.minimum(np.append(gaps, np.inf), np.append(np.inf, gaps))
+    return np.asarray(np.minimum(np.append(gaps, np.inf), np.append(np.inf, gaps)))
 
 
 class ScanMatcher:
@@ -110,7 +111,7 @@ class ScanMatcher:
         config = self._config
         stride = -(-len(scan.points_m) // config.search_points)
         best = centre.copy()
-        _kernels.correlate(
+        correlate(
             np.ascontiguousarray(scan.points_m[::stride]),
             centre,
             config.search_shifts,

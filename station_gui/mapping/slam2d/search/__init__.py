@@ -1,1 +1,1 @@
-"""Branch and bound on grids of several resolutions."""
+"""Searches over many poses: exhaustive near by, branch and bound on grids of several resolutions far off."""

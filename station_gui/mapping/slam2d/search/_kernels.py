@@ -1,4 +1,4 @@
-"""Kernels of branch and bound: plain arrays and scalars."""
+"""Kernels of searches over many poses: plain arrays and scalars."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def branch_and_bound(
         root_scores[k] = -score(columns[a], rows[a], levels, depth, dx, dy)
     order = np.argsort(root_scores, kind="mergesort")
     stack = np.zeros((4 * depth + 4, 5), np.int64)  # level, angle, dx, dy, score
-    best_total = int(math.ceil(min_score * 255.0 * count)) - 1
+    best_total = math.ceil(min_score * 255.0 * count) - 1
     found = False
     branches = 0
     for n in range(roots):
@@ -136,3 +136,46 @@ def branch_and_bound(
                 stack[at, 4] = value
                 top += 1
     return best_total / (255.0 * count) if found else -1.0
+
+
+@njit(nogil=True, cache=True)
+def correlate(
+    points: FloatArray,
+    centre: FloatArray,
+    shifts: int,
+    shift_m: float,
+    turns: int,
+    turn_rad: float,
+    likelihood: FloatArray,
+    origin_x: float,
+    origin_y: float,
+    cell_m: float,
+    distance2: NDArray[np.uint8],
+    best: FloatArray,
+) -> float:
+    """Exhaustive search round `centre`; `best` becomes the pose of the highest mean likelihood, which is returned."""
+    height, width = distance2.shape
+    count = points.shape[0]
+    best_sum = -1.0
+    for k in range(-turns, turns + 1):
+        angle = centre[2] + k * turn_rad
+        c = math.cos(angle)
+        s = math.sin(angle)
+        for j in range(-shifts, shifts + 1):
+            for i in range(-shifts, shifts + 1):
+                tx = centre[0] + i * shift_m
+                ty = centre[1] + j * shift_m
+                total = 0.0
+                for p in range(count):
+                    x = tx + c * points[p, 0] - s * points[p, 1]
+                    y = ty + s * points[p, 0] + c * points[p, 1]
+                    column = math.floor((x - origin_x) / cell_m)
+                    row = math.floor((y - origin_y) / cell_m)
+                    if 0 <= column < width and 0 <= row < height:
+                        total += likelihood[distance2[row, column]]
+                if total > best_sum:
+                    best_sum = total
+                    best[0] = tx
+                    best[1] = ty
+                    best[2] = angle
+    return float(best_sum / max(count, 1))
