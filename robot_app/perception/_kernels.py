@@ -280,6 +280,7 @@ def find_contact(
 ) -> int:
     """Lines where objects stand on the floor: the lowest point that is no floor, taken down to it.
 
+    What rises gently is the floor itself, seen while the car pitches.
     P_edge finds these lines too, as a low camera sees the floor at a grazing angle, but on either side by chance.
     """
     half = stride // 2
@@ -298,6 +299,13 @@ def find_contact(
             x, y = slope_x[half + j * stride] * z0, slope_y[half + i * stride] * z0
             height = up[0] * x + up[1] * y + up[2] * z0 + up[3]
             if height > height_m + per_m * z0 + (below + 1.0) * cell_width * z0:
+                continue
+            if i < 2 or z[i - 2, j] == 0.0:
+                continue
+            za = z[i - 2, j]
+            xa, ya = slope_x[half + j * stride] * za, slope_y[half + (i - 2) * stride] * za
+            rise = up[0] * (xa - x) + up[1] * (ya - y) + up[2] * (za - z0)
+            if rise < 0.45 * math.sqrt((xa - x) ** 2 + (ya - y) ** 2 + (za - z0) ** 2):
                 continue
             x, y, z0 = x - height * up[0], y - height * up[1], z0 - height * up[2]
             ci = int((y / z0 * lens[1] + lens[3]) / stride)

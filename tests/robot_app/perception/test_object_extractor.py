@@ -85,7 +85,7 @@ def test_nodes_on_the_floor_are_only_where_something_stands(world, room) -> None
     assert distance_m(low, room_edges_m(room)).max() < 0.06
 
 
-@pytest.mark.parametrize("pitch_rad", [-0.012, 0.012])
+@pytest.mark.parametrize("pitch_rad", [-0.03, -0.012, 0.012, 0.03])
 def test_the_floor_makes_no_nodes_while_the_car_pitches(world, pitch_rad: float) -> None:
     extractor = ObjectExtractor(
         PerceptionConfig(), world.intrinsics, CameraMount(0.28, 0.17, pitch_rad), np.random.default_rng(1)

@@ -1,0 +1,142 @@
+"""`evaluate extraction` and the files it reads."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import gzip
+import io
+import json
+import math
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from shared.geometry.camera import Intrinsics
+from tools.evaluate import extraction
+from tools.evaluate.depth_files import DepthFileError, decompress_lzf, read_depth
+
+CLOUDS = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "depth" / "labelled_tabletop"
+
+
+def box_depth_m() -> np.ndarray:
+    depth = np.full((480, 640), 3.0)
+    depth[150:330, 200:440] = 1.5
+    return depth
+
+
+def parse(*words: str) -> argparse.Namespace:
+    parser = argparse.ArgumentParser()
+    extraction.add_arguments(parser)
+    return parser.parse_args(words)
+
+
+def test_a_png_holds_millimetres(tmp_path: Path) -> None:
+    path = tmp_path / "a.png"
+    Image.fromarray(np.full((48, 64), 1234, np.uint16)).save(path)
+    image = read_depth(path).image
+    assert float(image.depth[0, 0]) * image.unit_m == pytest.approx(1.234)
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.npy.gz"])
+def test_an_array_holds_metres_and_what_is_no_depth_is_zero(tmp_path: Path, name: str) -> None:
+    buffer = io.BytesIO()
+    np.save(buffer, np.array([[0.5, math.nan], [-1.0, 50.0]]))
+    data = buffer.getvalue()
+    (tmp_path / name).write_bytes(gzip.compress(data) if name.endswith("gz") else data)
+    image = read_depth(tmp_path / name).image
+    assert (image.depth * image.unit_m).tolist() == [[0.5, 0.0], [0.0, 0.0]]
+
+
+def pcd_of(depth_m: np.ndarray, form: str) -> bytes:
+    height, width = depth_m.shape
+    columns, rows = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    xyz = np.stack(((columns - 32) / 60 * depth_m, (rows - 24) / 60 * depth_m, depth_m)).astype("<f4")
+    header = (
+        f"# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {width}\n"
+        f"HEIGHT {height}\nPOINTS {width * height}\nDATA {form}\n"
+    ).encode()
+    if form == "binary":
+        return header + xyz.reshape(3, -1).T.tobytes()
+    raw = xyz.tobytes()
+    packed = b"".join(bytes([len(raw[i : i + 32]) - 1]) + raw[i : i + 32] for i in range(0, len(raw), 32))
+    return header + struct.pack("<II", len(packed), len(raw)) + packed
+
+
+@pytest.mark.parametrize("form", ["binary", "binary_compressed"])
+def test_an_organised_cloud_tells_its_own_lens(tmp_path: Path, form: str) -> None:
+    depth_m = np.random.default_rng(1).uniform(1.0, 2.0, (48, 64))
+    (tmp_path / "a.pcd").write_bytes(pcd_of(depth_m, form))
+    file = read_depth(tmp_path / "a.pcd")
+    np.testing.assert_allclose(file.image.depth * file.image.unit_m, depth_m, atol=0.0002)
+    assert file.lens_px == pytest.approx((60, 60, 32, 24), abs=0.01)
+
+
+def test_references_in_lzf_may_overlap_what_they_make() -> None:
+    assert decompress_lzf(bytes([0, ord("a"), 7 << 5, 1, 0]), 11) == b"a" * 11
+
+
+@given(st.binary(max_size=200), st.integers(0, 400))
+def test_damaged_lzf_is_refused_by_the_errors_that_are_caught(packed: bytes, size: int) -> None:
+    with contextlib.suppress(ValueError, IndexError):
+        assert len(decompress_lzf(packed, size)) == size
+
+
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [("a.png", b"no picture"), ("a.npy", b""), ("a.pcd", b"FIELDS x y z\n"), ("a.txt", b""), ("a.npy.gz", b"\x1f\x8b")],
+)
+def test_a_file_that_is_no_depth_image_is_refused_by_name(tmp_path: Path, name: str, data: bytes) -> None:
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(DepthFileError, match=name):
+        read_depth(tmp_path / name)
+
+
+def test_a_missing_file_ends_with_one_line_and_exit_code_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert extraction.run(parse(str(tmp_path / "none.png"))) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_the_figures_of_a_box_are_printed_and_its_picture_is_drawn(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "box.png"
+    Image.fromarray((box_depth_m() * 1000).astype(np.uint16)).save(path)
+    assert extraction.run(parse(str(path), "--mount", "none", "--json", "--picture", str(tmp_path / "out"))) == 0
+    result = json.loads(capsys.readouterr().out)
+    box = result["files"][0]
+    assert (box["points"], box["nodes"], box["clusters"]) == (19200, 4, 1)
+    assert 0.4 < box["min_edge_m"] < box["max_edge_m"] < 0.7
+    assert set(result["overall"]) == set(box)
+    with Image.open(tmp_path / "out" / "box.png.png") as picture:
+        assert picture.size == (640, 480)
+
+
+@pytest.mark.parametrize("text", ["1,2,3", "a,b,c,d", "1,2,3,-4"])
+def test_intrinsics_that_are_not_four_positive_numbers_are_refused(text: str) -> None:
+    with pytest.raises(SystemExit):
+        parse("x.png", "--intrinsics", text)
+
+
+def test_the_floor_is_found_with_the_cameras_height_and_pitch() -> None:
+    pitch, height_m = 0.3, 1.2
+    lens = Intrinsics(640, 480, 585.0, 585.0, 320.0, 240.0)
+    _, slopes = lens.ray_slopes()
+    depth_m = height_m / np.maximum(slopes * math.cos(pitch) + math.sin(pitch), 1e-3)
+    depth_m = np.where(depth_m < 6.0, depth_m, 0.0)[:, None].repeat(640, axis=1)
+    image = extraction.DepthImage(0.0, (depth_m * 1000).astype(np.uint16), 0.001)
+    mount = extraction.find_floor(image, lens)
+    assert mount is not None
+    np.testing.assert_allclose(mount.matrix[2], [0, -math.cos(pitch), -math.sin(pitch), height_m], atol=0.02)
+
+
+@pytest.mark.skipif(not CLOUDS.is_dir(), reason="the labelled clouds (../shared/data/depth) are not here")
+def test_the_recorded_compressed_clouds_are_read() -> None:
+    file = read_depth(CLOUDS / "test0.pcd")
+    assert file.image.depth.shape == (480, 640)
+    assert file.lens_px == pytest.approx((525, 525, 320, 240), abs=5)
