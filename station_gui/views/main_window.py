@@ -91,10 +91,11 @@ class MainWindow(QMainWindow):
             _save(self.map3d.picture(*map3d_px).save(str(map3d_png)), map3d_png)
 
     def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802 - Qt's name
-        self._timer.stop()
-        self.drive.stick.let_go()
-        self.map3d.close_gl()
-        self._operator.disconnect()
+        if self._timer.isActive():  # a window may be closed twice
+            self._timer.stop()
+            self.drive.stick.let_go()
+            self.map3d.close_gl()
+            self._operator.disconnect()
         super().closeEvent(event)
 
     def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802 - Qt's name

@@ -175,7 +175,8 @@ def test_closing_stops_looking_and_disconnects(open_window, operator, scenes, ro
     operator.current = scenes.connected_view(MissionState.COMMAND, room)
     window = open_window()
     window.close()
-    assert operator.calls[-1] == ("disconnect",)
+    window.close()
+    assert operator.calls == [("disconnect",)]
     assert not window._timer.isActive()
 
 
@@ -289,7 +290,7 @@ def test_nothing_but_nan_is_survived(open_window, operator, scenes, room, caplog
     )
     window.refresh()
     window.grab()
-    assert not caplog.records
+    assert not [record for record in caplog.records if record.levelno >= logging.ERROR]
 
 
 @pytest.mark.parametrize("shape", [(0, 0), (0, 5), (1, 1), (5000, 3000)])
@@ -306,7 +307,7 @@ def test_grids_of_any_size_are_survived(open_window, operator, scenes, room, cap
     operator.current = scenes.connected_view(MissionState.COMMAND, empty)
     window.refresh()
     window.grab()
-    assert not caplog.records
+    assert not [record for record in caplog.records if record.levelno >= logging.ERROR]
 
 
 def test_a_view_of_nothing_is_survived(open_window, operator, scenes, caplog):
@@ -316,7 +317,7 @@ def test_a_view_of_nothing_is_survived(open_window, operator, scenes, caplog):
     )
     window.refresh()
     window.grab()
-    assert not caplog.records
+    assert not [record for record in caplog.records if record.levelno >= logging.ERROR]
 
 
 def test_a_map_that_goes_away_leaves_an_empty_canvas(open_window, operator, scenes, room):
