@@ -47,6 +47,7 @@ class RollingScanner:
         self.scans: Mailbox[RawScan] = Mailbox(world.moved)
         self._site = mujoco.mj_name2id(world.model, mujoco.mjtObj.mjOBJ_SITE, "scanner")
         self._reflectivity = _reflectivity_of_geoms(world)
+        self._bias_phase_rad = float(self._random.uniform(0, math.tau))
         self._sweep_began_s = world.elapsed_s + float(self._random.uniform(0, self._parameters.period_s))
         self._next_beam = 0
         count = self._parameters.beams
@@ -99,7 +100,7 @@ class RollingScanner:
         return np.array([vx - yaw_rate * lever_y, vy + yaw_rate * lever_x, vz])
 
     def _finish(self) -> None:
-        ranges_m = noisy_ranges(self._range_m, self._signal, self._parameters, self._random)
+        ranges_m = noisy_ranges(self._range_m, self._signal, self._parameters, self._bias_phase_rad, self._random)
         self.scans.put(RawScan(self._stamp_s, ranges_m))
         self._sweep_began_s += self._parameters.period_s
         self._next_beam = 0
@@ -109,6 +110,7 @@ def noisy_ranges(
     true_m: NDArray[np.float64],
     signal: NDArray[np.float64],
     parameters: ScannerParameters,
+    bias_phase_rad: float,
     random: np.random.Generator,
 ) -> NDArray[np.float32]:
     """What the scanner reports for the true ranges (B,), in m, NaN where it reports nothing.
@@ -122,8 +124,9 @@ def noisy_ranges(
     at_edge = step_m > parameters.edge_step_m
     mixed = at_edge & (draws[0] < parameters.edge_mixed)
     measured_m = np.where(mixed, true_m + draws[1] * (partner_m - true_m), true_m)
-    sigma_m = np.maximum(parameters.sigma_near_m, parameters.sigma_far_fraction * measured_m)
-    measured_m = np.round((measured_m + sigma_m * noise) / _QUANTUM_M) * _QUANTUM_M
+    sigma_m = parameters.sigma_m + parameters.sigma_fraction * measured_m
+    bias_m = parameters.bias_m * np.sin(math.tau / parameters.bias_period_m * measured_m + bias_phase_rad)
+    measured_m = np.round((measured_m + bias_m + sigma_m * noise) / _QUANTUM_M) * _QUANTUM_M
     weakness = 2 - signal / np.square(true_m) / parameters.min_signal_per_m2  # 0 at twice the minimum, 1 at it
     lost = (draws[2] < parameters.dropout) | (draws[3] < weakness)
     lost |= at_edge & (draws[0] > 1 - parameters.edge_lost)

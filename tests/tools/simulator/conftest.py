@@ -24,7 +24,13 @@ def quiet() -> Callable[[Scenario], Scenario]:
 
     def make(scenario: Scenario) -> Scenario:
         scanner = ScannerParameters(
-            sigma_near_m=0.0, sigma_far_fraction=0.0, dropout=0.0, edge_lost=0.0, edge_mixed=0.0, min_signal_per_m2=1e-9
+            sigma_m=0.0,
+            sigma_fraction=0.0,
+            bias_m=0.0,
+            dropout=0.0,
+            edge_lost=0.0,
+            edge_mixed=0.0,
+            min_signal_per_m2=1e-9,
         )
         camera = CameraParameters(
             sigma_at_1m_m=0.0, sigma_at_9m_m=0.0, dropout=0.0, edge_lost=0.0, edge_flying=0.0, min_signal_per_m2=1e-9

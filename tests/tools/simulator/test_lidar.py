@@ -107,10 +107,11 @@ def pose_at(path: list[tuple[float, Pose2]], time_s: float) -> Pose2:
     raise AssertionError(time_s)
 
 
-@pytest.mark.parametrize(("true_m", "sigma_m"), [(0.7, 0.010), (3.0, 0.030)])
-def test_noise_is_10_mm_near_and_one_percent_far(true_m: float, sigma_m: float) -> None:
+@pytest.mark.parametrize(("true_m", "sigma_m"), [(1.0, 0.004), (3.0, 0.007)])
+def test_the_spread_is_that_of_the_recordings(true_m: float, sigma_m: float) -> None:
     ranges = np.full(20_000, true_m)
-    measured = noisy_ranges(ranges, np.full(20_000, 0.8), ScannerParameters(), np.random.default_rng(1))
+    parameters = ScannerParameters(bias_m=0.0)
+    measured = noisy_ranges(ranges, np.full(20_000, 0.8), parameters, 0.0, np.random.default_rng(1))
     assert np.nanstd(measured) == pytest.approx(sigma_m, rel=0.03)
     assert np.nanmean(measured) == pytest.approx(true_m, abs=3e-4)
     assert np.isnan(measured).mean() == pytest.approx(0.005, abs=0.003)
@@ -119,9 +120,9 @@ def test_noise_is_10_mm_near_and_one_percent_far(true_m: float, sigma_m: float) 
 
 
 def test_beams_at_an_edge_are_mixed_or_lost_and_no_others_are() -> None:
-    parameters = ScannerParameters(sigma_near_m=0.0, sigma_far_fraction=0.0, dropout=0.0)
+    parameters = ScannerParameters(sigma_m=0.0, sigma_fraction=0.0, bias_m=0.0, dropout=0.0)
     ranges = np.where(np.arange(20_000) % 20 < 10, 1.0, 2.0)
-    measured = noisy_ranges(ranges, np.full(20_000, 0.8), parameters, np.random.default_rng(2))
+    measured = noisy_ranges(ranges, np.full(20_000, 0.8), parameters, 0.0, np.random.default_rng(2))
     edge = np.isin(np.arange(20_000) % 10, (0, 9))
     assert np.array_equal(measured[~edge], ranges[~edge].astype(np.float32))
     assert np.isnan(measured[edge]).mean() == pytest.approx(0.25, abs=0.03)
@@ -131,8 +132,8 @@ def test_beams_at_an_edge_are_mixed_or_lost_and_no_others_are() -> None:
 
 def test_dark_and_grazing_surfaces_far_away_are_lost() -> None:
     rng = np.random.default_rng(3)
-    dark_far = noisy_ranges(np.full(1000, 3.8), np.full(1000, 0.05), ScannerParameters(), rng)
-    dark_near = noisy_ranges(np.full(1000, 1.0), np.full(1000, 0.05), ScannerParameters(), rng)
+    dark_far = noisy_ranges(np.full(1000, 3.8), np.full(1000, 0.05), ScannerParameters(), 0.0, rng)
+    dark_near = noisy_ranges(np.full(1000, 1.0), np.full(1000, 0.05), ScannerParameters(), 0.0, rng)
     assert np.isnan(dark_far).all()
     assert np.isnan(dark_near).mean() < 0.02
 
@@ -140,5 +141,13 @@ def test_dark_and_grazing_surfaces_far_away_are_lost() -> None:
 def test_out_of_range_is_nan() -> None:
     ranges = np.array([0.03, 0.5, 4.5, 8.0])
     parameters = ScannerParameters(dropout=0.0, edge_lost=0.0, edge_mixed=0.0)
-    measured = noisy_ranges(ranges, np.full(4, 0.8), parameters, np.random.default_rng(4))
+    measured = noisy_ranges(ranges, np.full(4, 0.8), parameters, 0.0, np.random.default_rng(4))
     assert np.isnan(measured).tolist() == [True, False, True, True]
+
+
+def test_the_bias_stays_within_its_bound_and_depends_on_the_range_alone() -> None:
+    ranges = np.repeat(np.linspace(0.2, 3.8, 40), 500)
+    measured = noisy_ranges(ranges, np.full(len(ranges), 0.8), ScannerParameters(), 1.0, np.random.default_rng(5))
+    bias_m = np.nanmean((measured - ranges).reshape(40, 500), axis=1)
+    assert np.abs(bias_m).max() == pytest.approx(0.004, abs=0.001)
+    assert np.abs(np.diff(bias_m)).max() < 0.003
