@@ -20,14 +20,15 @@ from station_gui.qt import theme
 from station_gui.qt.offscreen_gl import OffscreenGl
 from station_gui.views import scene3d
 from station_gui.views.camera import CameraAngles, Fit, fit_box
-from station_gui.views.grid_picture import Extent, GridPicture, colour_table, make_picture
+from station_gui.views.grid_picture import Extent, GridPicture, colour_table, cropped, make_picture
 from station_gui.views.pose import finite_rows
 
 _log = logging.getLogger(__name__)
 _NO_LINES = np.zeros((0, 3), np.float32)
 _GRID_STEP_M = 0.5
 _FINE_GRID_UPTO_M = 40.0  # on a larger floor this grid would be a carpet
-_ELEVATION_DEG = 52.0
+_FLOOR_MARGIN_M = 0.3  # of unknown floor around what is known
+_ELEVATION_DEG = 44.0
 _AZIMUTH_DEG = -68.0
 _SAMPLES = 4  # for each pixel; a processor that draws in software takes twice as long with them
 _KEPT_HEIGHT_M = 1.0  # walls are seen up to about here
@@ -56,12 +57,12 @@ class GlCanvas(GLViewMixin, QWidget):  # type: ignore[misc]  # pyqtgraph has no 
         self._small = _lines(theme.OBJECT_SMALL, 2.2)
         self._trail = _lines(theme.TRAJECTORY, 2.0, mode="line_strip")
         self._path = _lines(theme.PATH, 2.5, mode="line_strip")
+        self._goal = _lines(theme.GOAL, 2.5)
         self._robot = gl.GLMeshItem(
             vertexes=np.zeros((3, 3), np.float32), faces=np.zeros((1, 3), np.uint32), computeNormals=False, smooth=False
         )
-        items = (self._floor, self._floor_grid, self._trail, self._path, self._large, self._small, self._robot)
-        for depth, item in enumerate(items):
-            item.setDepthValue(depth)
+        lines = (self._floor_grid, self._trail, self._path, self._goal, self._large, self._small)
+        for item in (self._floor, *lines, self._robot):
             item.setVisible(False)
             self.addItem(item)
         self.reset_camera(None)
@@ -78,6 +79,14 @@ class GlCanvas(GLViewMixin, QWidget):  # type: ignore[misc]  # pyqtgraph has no 
         """The scene has changed: it is drawn anew with the next repaint."""
         self._picture = None
         super().update()
+
+    def drawItemTree(self, *_: object, **__: object) -> None:  # noqa: N802 - pyqtgraph's name
+        """All items, in their order; unlike pyqtgraph's own, it does not print what fails and go on."""
+        for item in self.items:
+            if item.visible():
+                self._modelViewStack.append(self.currentModelView() * item.transform())
+                item.paint()
+                self._modelViewStack.pop()
 
     # --- painting ---
 
@@ -125,7 +134,7 @@ class GlCanvas(GLViewMixin, QWidget):  # type: ignore[misc]  # pyqtgraph has no 
 
     def show_floor(self, snapshot: MapSnapshot) -> GridPicture:
         """The occupancy grid as the floor; returns its picture."""
-        picture = make_picture(snapshot.grid)
+        picture = cropped(make_picture(snapshot.grid), _FLOOR_MARGIN_M)
         shown = picture.levels is not None
         self._floor.setVisible(shown)
         self._floor_grid.setVisible(shown)
@@ -151,6 +160,10 @@ class GlCanvas(GLViewMixin, QWidget):  # type: ignore[misc]  # pyqtgraph has no 
 
     def show_path(self, path_m: NDArray[np.float64] | None) -> None:
         _set_lines(self._path, _NO_LINES if path_m is None else _raised(finite_rows(path_m[:, :2]), 0.010))
+
+    def show_goal(self, goal_m: tuple[float, float] | None) -> None:
+        known = goal_m is not None and all(map(math.isfinite, goal_m))
+        _set_lines(self._goal, scene3d.goal_mark_m(*goal_m) if goal_m is not None and known else _NO_LINES)
 
     def shape_robot(self, corners_m: NDArray[np.float64]) -> None:
         mesh = scene3d.robot_mesh(corners_m)

@@ -50,6 +50,23 @@ def make_picture(grid: GridMap) -> GridPicture:
     return GridPicture(levels, extent, _known_extent(probability, extent, cell_m))
 
 
+def cropped(picture: GridPicture, margin_m: float) -> GridPicture:
+    """The part of the picture that was seen, with a margin around it; all of it where nothing was seen yet."""
+    levels, extent, known = picture.levels, picture.extent, picture.known
+    if levels is None or known is None:
+        return picture
+    cell_m = extent.width_m / levels.shape[1]
+    margin = round(margin_m / cell_m)
+    left = max(0, round((known.left_m - extent.left_m) / cell_m) - margin)
+    bottom = max(0, round((known.bottom_m - extent.bottom_m) / cell_m) - margin)
+    right = round((known.left_m + known.width_m - extent.left_m) / cell_m) + margin
+    top = round((known.bottom_m + known.height_m - extent.bottom_m) / cell_m) + margin
+    part = levels[bottom:top, left:right]
+    rows, columns = part.shape
+    corner_m = extent.left_m + left * cell_m, extent.bottom_m + bottom * cell_m
+    return GridPicture(part, Extent(*corner_m, columns * cell_m, rows * cell_m), known)
+
+
 def _block_maximum(probability: NDArray[np.float32], step: int) -> NDArray[np.float32]:
     rows, columns = probability.shape
     padded = np.pad(probability, ((0, -rows % step), (0, -columns % step)), constant_values=0.0)

@@ -165,6 +165,7 @@ def _make_plot() -> pg.PlotWidget:
     plot = pg.PlotWidget(background=theme.PANEL)
     plot.setMinimumSize(260, 220)
     plot.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+    plot.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # a click on the map must not take the keyboard from the drive pad
     plot.setMenuEnabled(False)
     plot.hideButtons()
     plot.setAspectLocked(True)

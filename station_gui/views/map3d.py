@@ -41,6 +41,7 @@ class Map3dCanvas(Panel):
         self._grid: GridMap | None = None
         self._known: Extent | None = None
         self._path_m: NDArray[np.float64] | None = None
+        self._goal_m: tuple[float, float] | None = None
         self._corners_m = np.zeros((0, 2))
         self._stack = QStackedWidget()
         self._apology = label(NO_OPENGL, "sentence", Qt.AlignmentFlag.AlignHCenter)
@@ -69,6 +70,9 @@ class Map3dCanvas(Panel):
         if view.path_m is not self._path_m:
             self._path_m = view.path_m
             self.canvas.show_path(view.path_m)
+        if view.goal_m != self._goal_m:
+            self._goal_m = view.goal_m
+            self.canvas.show_goal(view.goal_m)
         self._show_robot(self.canvas, view)
 
     def picture(self, width_px: int, height_px: int) -> QImage:

@@ -18,6 +18,8 @@ _WHEEL_RADIUS_M = 0.04
 _WHEEL_WIDTH_M = 0.035
 _WHEEL_SIDES = 14
 _MAX_LINES = 200
+_RING_SIDES = 28
+_RING_M = 0.12
 # How much light a face gets by where it points: top, ends, sides. Fixed to the robot, so that it reads as a body.
 _SHADES = {"top": 1.12, "front": 0.92, "back": 0.70, "side": 0.80, "bottom": 0.5}
 
@@ -62,6 +64,14 @@ def floor_lines_m(extent: Extent, step_m: float) -> NDArray[np.float32]:
     lines = [((x, extent.bottom_m), (x, top_m)) for x in xs]
     lines += [((extent.left_m, y), (right_m, y)) for y in ys]
     return np.array(lines, np.float32).reshape(-1, 2)
+
+
+def goal_mark_m(x_m: float, y_m: float) -> NDArray[np.float32]:
+    """(2 N, 3): a ring on the floor with a pole in its middle."""
+    angles = np.linspace(0, 2 * np.pi, _RING_SIDES + 1)
+    ring = np.column_stack((x_m + _RING_M * np.cos(angles), y_m + _RING_M * np.sin(angles), np.full(len(angles), 0.01)))
+    pole = np.array([[x_m, y_m, 0.01], [x_m, y_m, 2 * ROBOT_HEIGHT_M]])
+    return np.vstack((np.stack((ring[:-1], ring[1:]), axis=1).reshape(-1, 3), pole)).astype(np.float32)
 
 
 def rgba(colour: str, alpha: float = 1.0) -> tuple[float, float, float, float]:
