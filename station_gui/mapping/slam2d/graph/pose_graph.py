@@ -155,7 +155,7 @@ class PoseGraph:
         graph = csr_array(
             (self._length_m[: self.edges], (self.ends[:, 0], self.ends[:, 1])), shape=(self.nodes, self.nodes)
         )
-        return np.asarray(dijkstra(graph, directed=False, indices=np.int64(node), limit=limit_m), dtype=np.float64)
+        return np.asarray(dijkstra(graph, directed=False, indices=np.array([node]), limit=limit_m)[0])
 
 
 def _doubled(array: NDArray[_Number]) -> NDArray[_Number]:
