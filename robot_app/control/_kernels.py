@@ -142,7 +142,7 @@ def distance_field(points_m: Floats, left_m: float, low_m: float, cell_m: float,
     border = np.empty(size + 1)
     line = np.empty(size)
     result = np.empty(size)
-    field_m[:, :] = far * far
+    field_m.fill(far * far)
     for k in range(len(points_m)):
         j = math.floor((points_m[k, 0] - left_m) / cell_m)
         i = math.floor((points_m[k, 1] - low_m) / cell_m)
@@ -155,7 +155,8 @@ def distance_field(points_m: Floats, left_m: float, low_m: float, cell_m: float,
         for i in range(size):
             field_m[i, j] = result[i]
     for i in range(size):
-        line[:] = field_m[i, :]
+        for j in range(size):
+            line[j] = field_m[i, j]
         _lower_envelope(line, result, hull, border)
         for j in range(size):
             field_m[i, j] = cell_m * math.sqrt(result[j])

@@ -133,6 +133,8 @@ class _Stretch:
 def split_stretches(path: NDArray[np.floating]) -> list[_Stretch]:
     """`path`: (N, 3) x, y, theta. Where the heading points against the way to the next point, it is in reverse."""
     poses = np.asarray(path, dtype=np.float64)
+    if len(poses) < 2:
+        return []
     moved = np.concatenate(([True], np.hypot(*np.diff(poses[:, :2], axis=0).T) > 1e-4))
     poses = poses[moved]
     if len(poses) < 2:

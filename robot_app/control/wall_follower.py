@@ -62,7 +62,7 @@ class _Mark:
     turned_rad: float
 
 
-ANGLE = Variable.partition("angle of the way ahead", right=-1.1, bit_right=-0.4, ahead=0.0, bit_left=0.4, left=1.1)
+ANGLE = Variable.partition("angle of the way ahead", right=-0.8, bit_right=-0.32, ahead=0.0, bit_left=0.32, left=0.8)
 ERROR = Variable.partition("offset from the way", right=-0.25, bit_right=-0.08, on_it=0.0, bit_left=0.08, left=0.25)
 STEER = Variable.partition("steering", RR=-1.0, R=-0.55, r=-0.25, o=0.0, l=0.25, L=0.55, LL=1.0)
 STEERING_RULES = RuleTable(
