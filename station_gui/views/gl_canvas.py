@@ -9,6 +9,7 @@ import numpy as np
 import pyqtgraph as pg
 import pyqtgraph.opengl as gl
 from numpy.typing import NDArray
+from OpenGL import GL
 from pyqtgraph.opengl.GLViewWidget import GLViewMixin
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QImage, QMouseEvent, QOpenGLContext, QPainter, QPaintEvent, QResizeEvent, QWheelEvent
@@ -52,11 +53,11 @@ class GlCanvas(GLViewMixin, QWidget):  # type: ignore[misc]  # pyqtgraph has no 
         self.setMinimumSize(260, 220)  # it has no size hint: a layout would give it nothing
         self.setBackgroundColor(theme.SCENE_SKY)
         self._floor = gl.GLImageItem(np.zeros((1, 1, 4), np.uint8), glOptions="opaque")
-        self._floor_grid = _lines(theme.MAP_OCCUPIED, 1.5, 0.25)
+        self._floor_grid = _painted(theme.MAP_OCCUPIED, 1.2, 0.22, mode="lines")
         self._large = _lines(theme.OBJECT_LARGE, 2.2)
         self._small = _lines(theme.OBJECT_SMALL, 2.2)
-        self._trail = _lines(theme.TRAJECTORY, 2.0, mode="line_strip")
-        self._path = _lines(theme.PATH, 2.5, mode="line_strip")
+        self._trail = _painted(theme.TRAJECTORY, 2.0)
+        self._path = _painted(theme.PATH, 2.5)
         self._goal = _lines(theme.GOAL, 2.5)
         self._robot = gl.GLMeshItem(
             vertexes=np.zeros((3, 3), np.float32), faces=np.zeros((1, 3), np.uint32), computeNormals=False, smooth=False
@@ -147,7 +148,7 @@ class GlCanvas(GLViewMixin, QWidget):  # type: ignore[misc]  # pyqtgraph has no 
         self._floor.translate(extent.left_m, extent.bottom_m, 0.0)
         wide = max(extent.width_m, extent.height_m) > _FINE_GRID_UPTO_M
         self.grid_step_m = 10 * _GRID_STEP_M if wide else _GRID_STEP_M
-        _set_lines(self._floor_grid, _raised(scene3d.floor_lines_m(extent, self.grid_step_m), 0.002))
+        _set_lines(self._floor_grid, _on_floor(scene3d.floor_lines_m(extent, self.grid_step_m)))
         return picture
 
     def show_objects(self, snapshot: MapSnapshot) -> None:
@@ -156,10 +157,10 @@ class GlCanvas(GLViewMixin, QWidget):  # type: ignore[misc]  # pyqtgraph has no 
 
     def show_trail(self, snapshot: MapSnapshot) -> None:
         places = finite_rows(np.asarray(snapshot.trajectory, np.float64).reshape(-1, 4)[:, 1:3])
-        _set_lines(self._trail, _raised(places, 0.006))
+        _set_lines(self._trail, _on_floor(places))
 
     def show_path(self, path_m: NDArray[np.float64] | None) -> None:
-        _set_lines(self._path, _NO_LINES if path_m is None else _raised(finite_rows(path_m[:, :2]), 0.010))
+        _set_lines(self._path, _NO_LINES if path_m is None else _on_floor(finite_rows(path_m[:, :2])))
 
     def show_goal(self, goal_m: tuple[float, float] | None) -> None:
         known = goal_m is not None and all(map(math.isfinite, goal_m))
@@ -236,15 +237,18 @@ class GlCanvas(GLViewMixin, QWidget):  # type: ignore[misc]  # pyqtgraph has no 
             self.failed.emit(str(error))
 
 
-def _lines(colour: str, width_px: float, alpha: float = 1.0, mode: str = "lines") -> gl.GLLinePlotItem:
+def _lines(colour: str, width_px: float, mode: str = "lines") -> gl.GLLinePlotItem:
     return gl.GLLinePlotItem(
-        pos=_NO_LINES,
-        color=scene3d.rgba(colour, alpha),
-        width=width_px,
-        mode=mode,
-        antialias=True,
-        glOptions="translucent",
+        pos=_NO_LINES, color=scene3d.rgba(colour), width=width_px, mode=mode, antialias=True, glOptions="translucent"
     )
+
+
+def _painted(colour: str, width_px: float, alpha: float = 1.0, mode: str = "line_strip") -> gl.GLLinePlotItem:
+    """Lines that lie on the floor: drawn right after it, they need not be above it, which would flicker."""
+    item = _lines(colour, width_px, mode)
+    item.setData(color=scene3d.rgba(colour, alpha))
+    item.updateGLOptions({GL.GL_DEPTH_TEST: False})
+    return item
 
 
 def _set_lines(item: gl.GLLinePlotItem, positions_m: NDArray[np.floating]) -> None:
@@ -253,6 +257,6 @@ def _set_lines(item: gl.GLLinePlotItem, positions_m: NDArray[np.floating]) -> No
         item.setData(pos=np.asarray(positions_m, np.float32))
 
 
-def _raised(places_m: NDArray[np.floating], height_m: float) -> NDArray[np.float32]:
-    """(N, 2) on the floor to (N, 3) just above it, so that the floor does not swallow them."""
-    return np.column_stack((places_m, np.full(len(places_m), height_m))).astype(np.float32)
+def _on_floor(places_m: NDArray[np.floating]) -> NDArray[np.float32]:
+    """(N, 2) to (N, 3)."""
+    return np.column_stack((places_m, np.zeros(len(places_m)))).astype(np.float32)

@@ -120,3 +120,14 @@ def test_in_the_window_the_pad_drives_the_station(open_window, operator, scenes,
     window.refresh()
     assert operator.calls[-1] == ("drive", 0.0, 0.0)
     assert not window.drive.stick.isEnabled()
+
+
+def test_a_click_on_the_map_leaves_the_keyboard_with_the_pad(open_window, operator, scenes, room, qtbot):
+    operator.current = scenes.connected_view(MissionState.COMMAND, room)
+    window = open_window()
+    with qtbot.waitActive(window):
+        window.activateWindow()
+    window.commands.drive.setChecked(True)
+    viewport = window.map2d.plot().viewport()
+    qtbot.mouseClick(viewport, Qt.MouseButton.LeftButton, pos=window.map2d.pixel_of(1.0, 1.0).toPoint())
+    assert window.drive.stick.hasFocus()

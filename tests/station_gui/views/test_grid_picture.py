@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from station_gui.mapping.snapshot import GridMap
-from station_gui.views.grid_picture import MAX_SIDE_PX, Extent, colour_table, make_picture
+from station_gui.views.grid_picture import MAX_SIDE_PX, Extent, colour_table, cropped, make_picture
 
 
 def test_rows_and_columns_keep_their_places():
@@ -46,3 +46,26 @@ def test_colours_are_the_papers():
     assert table[128].tolist() == [0x9A, 0xA0, 0xA8, 255]
     assert table[192].max() == 255
     assert table[192, :3].max() < 0x20
+
+
+def test_cropping_keeps_what_was_seen_where_it_is():
+    probability = np.full((100, 200), 0.5, np.float32)
+    probability[40:50, 120:150] = 0.1
+    probability[44, 130] = 0.9
+    whole = make_picture(GridMap(probability, (-2.0, 1.0), 0.1))
+    part = cropped(whole, 0.5)
+    assert whole.levels is not None
+    assert part.levels is not None
+    assert part.levels.shape == (20, 40)
+    assert (part.extent.left_m, part.extent.bottom_m) == pytest.approx((9.5, 4.5))
+    row, column = np.unravel_index(part.levels.argmax(), part.levels.shape)
+    assert part.extent.left_m + (column + 0.5) * 0.1 == pytest.approx(-2.0 + 130.5 * 0.1)
+    assert part.extent.bottom_m + (row + 0.5) * 0.1 == pytest.approx(1.0 + 44.5 * 0.1)
+
+
+def test_cropping_stays_within_the_grid():
+    picture = make_picture(GridMap(np.full((10, 20), 0.1, np.float32), (0.0, 0.0), 0.1))
+    part = cropped(picture, 5.0)
+    assert part.levels is not None
+    assert part.levels.shape == (10, 20)
+    assert part.extent == picture.extent

@@ -149,3 +149,15 @@ def test_the_camera_sees_all_of_the_box_and_little_else(aspect, azimuth_deg):
 def test_the_legend_names_the_colours_that_are_drawn(scene):
     assert theme.OBJECT_LARGE == "#e02929"
     assert scene.map3d._counts.text() == "400 lines, 108 small"
+
+
+def test_the_goal_stands_on_the_floor_of_the_scene(scene, operator):
+    operator.change(goal_m=(2.5, 1.5), path_m=np.array([[0.7, 1.0], [2.5, 1.5]]))
+    scene.refresh()
+    mark = scene3d.goal_mark_m(2.5, 1.5)
+    assert np.allclose(mark[:, :2].min(axis=0) + mark[:, :2].max(axis=0), (5.0, 3.0), atol=0.01)
+    assert scene.map3d.canvas._goal.visible()
+    operator.change(goal_m=None, path_m=None)
+    scene.refresh()
+    assert not scene.map3d.canvas._goal.visible()
+    assert not scene.map3d.canvas._path.visible()
