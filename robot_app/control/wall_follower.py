@@ -174,7 +174,7 @@ class WallFollower:
             return share
         curvature = float(np.max(2 * away * reach[:, 1] / np.maximum((reach**2).sum(axis=1), 0.04)))
         turn = AWAY_RULES(curvature * self._config.turning_radius_m, away * error_m)
-        return float(away * max(away * share, turn))
+        return float(away * (away * share + turn * (1.0 - away * share)))
 
     def _carrot(self, way_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
         """The point of the way to head for, and how far left of the way the car's middle is."""
