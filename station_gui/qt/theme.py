@@ -72,6 +72,8 @@ QPushButton:checked, QToolButton:checked { background: $ACCENT; border-color: $A
 QPushButton:disabled, QToolButton:disabled { color: $DISABLED; background: $PANEL; border-color: $BORDER; }
 QPushButton[role="primary"]:enabled { background: #1f5fae; border-color: #2a74cf; font-weight: bold; }
 QPushButton[role="primary"]:hover { background: #2a74cf; }
+QPushButton[role="stop"]:enabled { border-color: $WARNING; color: $WARNING; font-weight: bold; }
+QPushButton[role="stop"]:hover { background: $BORDER; }
 QPushButton[role="emergency"] { background: $EMERGENCY; border: 2px solid #ff7b7f; border-radius: 6px; color: white;
     font-size: 17px; font-weight: bold; letter-spacing: 1px; padding: 6px 22px; }
 QPushButton[role="emergency"]:hover { background: #ee3a41; border-color: white; }

@@ -55,6 +55,7 @@ class CommandPanel(Panel):
         self.start = _button("Start observation", "The robot goes round the room by itself and maps it")
         self.start.setProperty("role", "primary")
         self.stop = _button("Stop", "End the mission; the robot stands still until the next start")
+        self.stop.setProperty("role", "stop")
         self.go_to = _button("Go to…", "Then click on the map; a right click on the map does it at any time")
         self.drive = _button("Drive by hand", "Use the pad, the arrow keys or W A S D")
         for toggle in (self.go_to, self.drive):

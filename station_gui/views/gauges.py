@@ -163,4 +163,4 @@ def _temperature_dial(config: GaugeConfig) -> Dial:
         Band(95.0, theme.BAD),
     )
     marks = ((20.0, "20"), (50.0, "50"), (config.throttle_c, f"{config.throttle_c:.0f}"))
-    return Dial("Computer", 20.0, 95.0, bands, marks)
+    return Dial("CPU", 20.0, 95.0, bands, marks)

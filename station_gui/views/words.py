@@ -6,6 +6,7 @@ import math
 
 from shared.messages import MissionState, StopReason, Telemetry
 from station_gui.model.view import LinkState, OperatorView
+from station_gui.views.pose import robot_on_map
 
 NO_VALUE = "–"
 
@@ -86,7 +87,17 @@ def mission_sentence(view: OperatorView, stale_after_s: float) -> str:
         return "Connected. Waiting for the robot's first report."
     if not view.telemetry_age_s <= stale_after_s:
         return f"No report from the robot for {age(view.telemetry_age_s)}."
+    if view.telemetry.state is MissionState.COMMAND and not view.telemetry.stop_reason and view.goal_m is not None:
+        return _goal_sentence(view, view.goal_m)
     return telemetry_sentence(view.telemetry)
+
+
+def _goal_sentence(view: OperatorView, goal_m: tuple[float, float]) -> str:
+    sentence = f"Going to x {number(goal_m[0], 2)}, y {number(goal_m[1], 2, 'm')}"
+    pose = robot_on_map(view)
+    if pose is None:
+        return f"{sentence}."
+    return f"{sentence}: {number(math.hypot(goal_m[0] - pose.x_m, goal_m[1] - pose.y_m), 2, 'm')} away."
 
 
 def telemetry_sentence(telemetry: Telemetry) -> str:

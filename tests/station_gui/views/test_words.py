@@ -59,3 +59,14 @@ def test_silence_of_the_robot_is_told_with_its_length(scenes):
 def test_a_lost_link_is_told(scenes):
     view = dataclasses.replace(scenes.connected_view(), link_state=LinkState.LOST)
     assert words.mission_sentence(view, 1.5) == "Connection lost, trying again…"
+
+
+def test_on_the_way_to_a_goal_the_sentence_tells_how_far_it_is(scenes, room):
+    pose = room.map_from_robot
+    view = dataclasses.replace(
+        scenes.connected_view(MissionState.COMMAND, room),
+        telemetry=scenes.telemetry(stamp_s=0.0),
+        goal_m=(pose.x_m + 3.0, pose.y_m + 4.0),
+    )
+    assert words.mission_sentence(view, 1.5) == f"Going to x {pose.x_m + 3:.2f}, y {pose.y_m + 4:.2f} m: 5.00 m away."
+    assert words.mission_sentence(dataclasses.replace(view, snapshot=None), 1.5).endswith(" m.")
