@@ -255,7 +255,7 @@ def mark_floor(
             if i == 0 or z[i - 1, j] == 0.0 or height < 0.25 * limit:
                 continue
             fall_above = fall - up[1] * (slope_y[half + i * stride] - slope_y[half + (i - 1) * stride])
-            back = OPEN if fall_above >= 0.0 else up[3] / -fall_above - up[3] / -fall
+            back = OPEN if fall_above >= 0.0 or fall >= 0.0 else up[3] / -fall_above - up[3] / -fall
             if back > 8.0 * noise * z0 * z0 and z[i - 1, j] - z0 < min(0.4 * back, cell_width * z0):
                 floor[i, j] = 0
                 inverse[i, j] = 1.0 / z0
@@ -493,14 +493,14 @@ def corner_scores(edge_m: F32, edge_at: I32, cell_width: float, score: F32, smoo
     A point with less than two others within two cells is a stray one: its score is -1.
     """
     rows, columns = edge_at.shape
-    reach = 4
+    reach = 5
     for i in range(rows):
         for j in range(columns):
             index = edge_at[i, j]
             if index < 0:
                 continue
             x, y, z = edge_m[index, 0], edge_m[index, 1], edge_m[index, 2]
-            limit = (2.5 * reach * cell_width * z) ** 2
+            limit = (1.1 * reach * cell_width * z) ** 2
             sx, sy, sz, total, n, close = 0.0, 0.0, 0.0, 0.0, 0, 0
             xx, yy, zz, xy, yz, zx = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for k in range(max(i - reach, 0), min(i + reach + 1, rows)):
@@ -515,7 +515,7 @@ def corner_scores(edge_m: F32, edge_at: I32, cell_width: float, score: F32, smoo
                         xx, yy, zz = xx + dx * dx, yy + dy * dy, zz + dz * dz
                         xy, yz, zx = xy + dx * dy, yz + dy * dz, zx + dz * dx
                         close += abs(k - i) <= 2 and abs(m - j) <= 2
-            if close < 2:
+            if close < 2 or total == 0.0:
                 score[index] = -1.0
                 continue
             end = math.sqrt(sx * sx + sy * sy + sz * sz) / total

@@ -13,8 +13,9 @@ from robot_app.perception.simplified_fast_gng import Network
 def refine(network: Network, cloud: EdgeCloud, config: RefineConfig) -> None:
     """Turn what was learned from `cloud` into outlines worth sending."""
     remove_ground(network, cloud, config)
-    reduce_straight(network, cloud, config)
+    reduce_straight(network, cloud, config, keep_near_open_m=config.loop_reach_m)
     close_loops(network, cloud, config)
+    reduce_straight(network, cloud, config, keep_near_open_m=0.0)
     remove_noise(network, cloud, config)
     remove_unsupported(network, cloud, config)
     network.drop_isolated()
@@ -43,15 +44,19 @@ def remove_ground(network: Network, cloud: EdgeCloud, config: RefineConfig) -> N
     network.drop_isolated()
 
 
-def reduce_straight(network: Network, cloud: EdgeCloud, config: RefineConfig) -> None:
-    """Section 3.2.2, eq 26."""
+def reduce_straight(network: Network, cloud: EdgeCloud, config: RefineConfig, keep_near_open_m: float) -> None:
+    """Section 3.2.2, eq 26.
+
+    The first time the nodes within `keep_near_open_m` of an open end stay, for closing loops is what they may be
+    needed for; what was kept in vain goes the second time.
+    """
     kernels.reduce_straight(
         network.node_m,
         network.linked,
         network.nodes,
         config.straight_angle_rad,
         config.straight_offset_m,
-        config.loop_reach_m,
+        keep_near_open_m,
         cloud.lens,
         cloud.stride,
         config.connection_reach_m,

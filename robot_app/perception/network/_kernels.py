@@ -448,23 +448,25 @@ def reduce_straight(
 ) -> None:
     """Section 3.2.2: takes nodes out of straight connections, the straightest one first.
 
-    A node stays when an open end may still need it, or when the longer connection would leave the edge points.
+    What bends less than three quarters of a cell is straight whatever its angle: the camera does not see more. A node
+    stays when an open end may still need it, or when the longer connection would leave the edge points.
     """
     kept = np.zeros(nodes, np.uint8)
     while True:
-        best, best_angle = -1, angle_rad
+        best, best_angle, best_slack_m = -1, 0.0, 0.0
         for v in range(nodes):
             if kept[v] == 1 or degree(linked, nodes, v) != 2:
                 continue
             a, b = _two_neighbours(linked, nodes, v)
             angle = angle_at(node_m, a, v, b)
-            if linked[a, b] == 0 and angle > best_angle:
-                best, best_angle = v, angle
+            fine_m = 0.75 * stride * node_m[v, 2] / lens[0]
+            if linked[a, b] == 0 and angle > best_angle and (angle > angle_rad or offset_m(node_m, a, v, b) < fine_m):
+                best, best_angle, best_slack_m = v, angle, max(slack_m, fine_m)
         if best < 0:
             return
         a, b = _two_neighbours(linked, nodes, best)
         if (
-            offset_m(node_m, a, best, b) > slack_m
+            offset_m(node_m, a, best, b) > best_slack_m
             or _open_end_near(node_m, linked, nodes, best, a, b, loop_reach_m)
             or not is_supported(node_m, a, b, lens, stride, reach_m, step_m, edge_m, edge_at)
         ):
