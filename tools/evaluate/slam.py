@@ -69,12 +69,12 @@ def run(args: argparse.Namespace) -> int:
     try:
         relations = read_relations(args.relations)
         result = play(args.log, GraphSlamConfig())
+        figures = asdict(summarise(result, relations))
     except LogError as error:
         print(error, file=sys.stderr)
         return 2
     if args.trajectory is not None:
         write_trajectory(args.trajectory, result.stamps_s, result.poses)
-    figures = asdict(summarise(result, relations))
     if args.json:
         print(json.dumps(figures))
     else:

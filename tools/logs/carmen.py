@@ -59,6 +59,8 @@ def _is_scan(line: Line) -> bool:
 
 
 def _to_observation(fields: list[str], sequence: int) -> Observation:
+    if len(fields) < 2:
+        raise ValueError("no number of beams")
     beams = int(fields[1])
     if not 1 < beams <= MAX_BEAMS:
         raise ValueError(f"{beams} beams")

@@ -45,6 +45,9 @@ class _Box:
             and self.high_y >= other.high_y
         )
 
+    def is_finite(self) -> bool:
+        return all(map(math.isfinite, (self.low_x, self.low_y, self.high_x, self.high_y)))
+
     def widened(self, by_m: float) -> _Box:
         return _Box(self.low_x - by_m, self.low_y - by_m, self.high_x + by_m, self.high_y + by_m)
 
@@ -186,6 +189,8 @@ class OccupancyGrid:
         height, width = self._hits.shape
         origin_x, origin_y = self._origin_m
         empty = not self._scans and self._hits.size == 1
+        if not box.is_finite():
+            raise MappingError("the map would be of no finite size")
         now = _Box(origin_x, origin_y, origin_x + width * self._cell_m, origin_y + height * self._cell_m)
         if not empty and now.contains(box.widened(self._cell_m)):
             return
@@ -198,7 +203,7 @@ class OccupancyGrid:
     def _affordable_cell_m(self, box: _Box) -> float:
         """The finest cell that this area may have."""
         cell_m = self._cell_m
-        while not box.cells(cell_m) <= 0.8 * self._config.max_cells:  # not a number is too large as well
+        while box.cells(cell_m) > 0.8 * self._config.max_cells:
             cell_m *= 2
             if cell_m > self._config.coarsest_cell_m:
                 raise MappingError(

@@ -94,7 +94,7 @@ def test_a_loop_that_is_far_open_is_closed() -> None:
     graph = PoseGraph(PoseGraphConfig())
     graph.add_node(truth[0])
     for k in range(1, len(truth)):
-        step = between(truth[k - 1], truth[k]) + (0.0, 0.0, math.radians(0.1))  # a drift of 20 degrees
+        step = between(truth[k - 1], truth[k]) + np.array([0.0, 0.0, math.radians(0.1)])  # a drift of 20 degrees
         graph.add_node(compose(graph.poses[k - 1], step))
         graph.add_edge(k - 1, k, step, _INFORMATION, 0.13, robust=False)
     for a, b in ((199, 0), (198, 1)):

@@ -60,7 +60,7 @@ def test_a_prediction_far_off_is_rescued_by_the_search(
     truth = np.array([1.2, 1.3, 0.7])
     scan = _lines(scan_from(lab, Pose2.from_array(truth), np.random.default_rng(3)))
 
-    match = matcher.match(scan, lab_map, truth + (0.35, -0.3, 0.3), np.zeros(3))
+    match = matcher.match(scan, lab_map, truth + np.array([0.35, -0.3, 0.3]), np.zeros(3))
 
     assert math.hypot(*(match.pose - truth)[:2]) < 0.01
 

@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tools.evaluate import slam
+
+
+def _log(path: Path, scans: int) -> Path:
+    """A robot that stands in a round room."""
+    line = "FLASER 180 " + " ".join(["3.00"] * 180) + " 0 0 0 0 0 0 {stamp} host 0\n"
+    path.write_text("".join(line.format(stamp=100 + k) for k in range(scans)))
+    return path
+
+
+def _run(*words: str) -> int:
+    parser = argparse.ArgumentParser()
+    slam.add_arguments(parser)
+    return slam.run(parser.parse_args(words))
+
+
+def test_errors_are_those_of_the_relative_pose() -> None:
+    stamps = np.array([1.0, 2.0, 3.0])
+    poses = np.array([[0.0, 0.0, np.pi / 2], [0.0, 1.0, np.pi / 2], [0.0, 1.0, -np.pi]])
+    relations = np.array([[1.0, 2.0, 1.1, 0.0, 0.0], [2.0, 3.0, 0.0, 0.0, np.pi / 2 - 0.1], [1.0, 9.0, 0, 0, 0]])
+
+    translation_m, rotation_rad = slam.relation_errors(stamps, poses, relations)
+
+    np.testing.assert_allclose(translation_m, [0.1, 0.0], atol=1e-12)
+    np.testing.assert_allclose(rotation_rad, [0.0, 0.1], atol=1e-12)
+
+
+def test_all_figures_are_printed_as_json_and_the_trajectory_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, relations = _log(tmp_path / "a.clf", 20), tmp_path / "a.relations"
+    relations.write_text("100.0 110.0 0 0 0 0 0 0\n")
+    trajectory = tmp_path / "out.tum"
+
+    code = _run(str(log), "--relations", str(relations), "--trajectory", str(trajectory), "--json")
+
+    figures = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert code == 0
+    assert figures["scans"] == 20
+    assert figures["relations"] == 1
+    assert figures["translation_mean_m"] < 0.001
+    assert set(figures) == {
+        "scans", "relations", "translation_mean_m", "translation_std_m", "rotation_mean_deg", "rotation_std_deg",
+        "seconds", "realtime_factor", "step_ms_p50", "step_ms_p99", "step_ms_p99_first_1000", "step_ms_p99_last_1000",
+        "peak_rss_mb", "loop_closures",
+    }  # fmt: skip
+    rows = np.loadtxt(trajectory)
+    assert rows.shape == (20, 8)
+    np.testing.assert_allclose(rows[:, 6] ** 2 + rows[:, 7] ** 2, 1.0)
+
+
+@pytest.mark.parametrize("content", ["1 2 3\n", "a b c d e f g h\n", "", None])
+def test_relations_that_cannot_be_used_give_one_line_and_exit_code_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str | None
+) -> None:
+    relations = tmp_path / "a.relations"
+    if content is not None:
+        relations.write_text(content)
+    code = _run(str(_log(tmp_path / "a.clf", 2)), "--relations", str(relations))
+    told = capsys.readouterr().err
+    assert code == 2
+    assert told.count("\n") == 1
+    assert str(relations) in told
+
+
+def test_a_cut_log_gives_its_figures_and_exit_code_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log, relations = _log(tmp_path / "a.clf", 20), tmp_path / "a.relations"
+    log.write_text(log.read_text()[:-300])
+    relations.write_text("100.0 110.0 0 0 0 0 0 0\n")
+    code = _run(str(log), "--relations", str(relations), "--json")
+    captured = capsys.readouterr()
+    assert code == 2
+    assert json.loads(captured.out)["scans"] == 19
+    assert f"{log}: line 20 is cut" in captured.err
+
+
+def test_relations_of_another_log_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    relations = tmp_path / "a.relations"
+    relations.write_text("1.0 2.0 0 0 0 0 0 0\n")
+    assert _run(str(_log(tmp_path / "a.clf", 2)), "--relations", str(relations)) == 2
+    assert "no relation names two stamps" in capsys.readouterr().err
