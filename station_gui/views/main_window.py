@@ -124,7 +124,7 @@ class MainWindow(QMainWindow):
 
     def _show_status(self, view: OperatorView) -> None:
         self._mapping.setText(status_text(view))
-        self._cost.setText(f"draw {words.number(self._refresh_s * 1e3, 0, 'ms')}")
+        self._cost.setText(f"refresh {words.number(self._refresh_s * 1e3, 0, 'ms')}")
 
     def _connect(self) -> None:
         self.connection.connect_asked.connect(self._operator.connect)
