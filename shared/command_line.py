@@ -22,9 +22,10 @@ class Refused(Exception):
 
 def run(name: str, work: Callable[[], int], also: tuple[type[Exception], ...] = ()) -> int:
     """Call `work`; errors of the user's making become one line on stderr and exit code 2."""
+    users: tuple[type[Exception], ...] = (Refused, ConfigError, LinkError, *also)
     try:
         return work()
-    except (Refused, ConfigError, LinkError, *also) as error:
+    except users as error:
         print(f"{name}: {error}", file=sys.stderr)  # noqa: T201 - the command's own words
         return EXIT_MISUSE
     except KeyboardInterrupt:

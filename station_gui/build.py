@@ -12,7 +12,7 @@ from station_gui.config import StationConfig
 from station_gui.mapping.pipeline import MappingPipeline
 from station_gui.mapping.slam2d.graph_slam import GraphSlam
 from station_gui.model.station import MakeLink, NameRecording, Station
-from station_gui.planning.planner import Planner
+from station_gui.planning.path_planner import PathPlanner
 
 
 def build_pipeline(config: StationConfig) -> MappingPipeline:
@@ -32,7 +32,7 @@ def build_station(
         clock,
         make_link or partial(_connect_tcp, timeout_s=config.session.connect_timeout_s),
         partial(build_pipeline, config),
-        Planner(config.planner, config.car),
+        PathPlanner(config.car, config.planner),
         name_recording or partial(_name_recording, config.recording.folder),
         first_command,
     )

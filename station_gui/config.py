@@ -10,7 +10,7 @@ from shared.geometry.ackermann import CarGeometry
 from station_gui.comms.session import SessionConfig
 from station_gui.mapping.objects.combine import CombineConfig
 from station_gui.mapping.slam2d.config import GraphSlamConfig
-from station_gui.planning.planner import PlannerConfig
+from station_gui.planning.path_planner import PlannerConfig
 from station_gui.views.config import WindowConfig
 
 DEFAULT_PATH = Path(__file__).with_name("station.toml")

@@ -14,7 +14,7 @@ from shared.messages import Command, GoTo, MissionState, Telemetry
 from station_gui.mapping.snapshot import MapSnapshot
 from station_gui.model.journal import Journal
 from station_gui.model.view import Severity
-from station_gui.planning.planner import Plan, Planner, PlanRefused
+from station_gui.planning.path_planner import PathPlanner, Plan, PlanningError
 
 _ARRIVED_M = 0.08
 _RESEND_M = 0.02  # the path is sent again when the map has moved its end so far in the odom frame
@@ -27,7 +27,7 @@ _LOOK_AHEAD_POINTS = 12
 class GoalKeeper:
     """One goal at a time. `step` is called by one thread, the rest by any."""
 
-    def __init__(self, planner: Planner, send: Callable[[Command], bool], journal: Journal) -> None:
+    def __init__(self, planner: PathPlanner, send: Callable[[Command], bool], journal: Journal) -> None:
         self._planner = planner
         self._send = send
         self._journal = journal
@@ -96,7 +96,7 @@ class GoalKeeper:
         if plan is None or now_s - self._planned_s < _REPLAN_EVERY_S:
             return
         self._at = _nearest_ahead(plan.path, self._at, snapshot.map_from_robot)
-        if not self._planner.path_is_free(plan.path[self._at :], snapshot.grid):
+        if not self._planner.path_is_free(plan.path[self._at :], snapshot.grid, snapshot.map_from_robot):
             self._journal.add(Severity.INFO, "something new stands in the way: planning again")
             self._plan_and_send(snapshot, telemetry)
         elif self._has_moved(plan, snapshot):
@@ -125,7 +125,7 @@ class GoalKeeper:
         self._planned_s = self._followed_s = telemetry.stamp_s
         try:
             plan = self._planner.plan(snapshot.grid, snapshot.map_from_robot, goal)
-        except PlanRefused as refusal:
+        except PlanningError as refusal:
             self._journal.add(Severity.WARNING, f"go to {goal[0]:.2f}, {goal[1]:.2f}: {refusal}")
             self.forget()
             return

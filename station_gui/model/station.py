@@ -34,7 +34,7 @@ from station_gui.model.figures import MissionFigures, RateMeter
 from station_gui.model.goal import GoalKeeper
 from station_gui.model.journal import Journal
 from station_gui.model.view import LinkFigures, LogEntry, OperatorView, Severity
-from station_gui.planning.planner import Planner
+from station_gui.planning.path_planner import PathPlanner
 
 _OBSERVATION_TYPE = bytes((TYPE_OF[Observation],))
 _QUEUE = 64  # observations that may wait for the mapping; the oldest give way
@@ -59,7 +59,7 @@ class Station:
         clock: Clock,
         make_link: MakeLink,
         make_pipeline: MakePipeline,
-        planner: Planner,
+        planner: PathPlanner,
         name_recording: NameRecording,
         first_command: int,
     ) -> None:

@@ -20,7 +20,7 @@ def drive(
     for i in range(1, round(seconds * 100) + 1):
         now_s = start_s + i / 100
         ticks = ticks_before + speed_mps * i / 100 / TICK_M
-        count = int(math.floor(ticks))
+        count = math.floor(ticks)
         odometry.update(
             EncoderCount(now_s, count, count), ImuSample(now_s, (0.0, 0.0, yaw_rate + bias), (0.0, 0.0, 9.81))
         )
