@@ -41,8 +41,8 @@ class EdgeCloud:
         if rows < 4 or columns < 4:
             raise ValueError(f"a {intrinsics.width} x {intrinsics.height} image is too small for stride {self.stride}")
         self.slope_x, self.slope_y = intrinsics.ray_slopes()
-        self.lens = np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy])
-        self.up = np.ascontiguousarray(mount.robot_from_optical()[2])
+        self.lens = np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy], np.float64)
+        self.up = np.array(mount.robot_from_optical()[2], np.float64)
         self.cell_width = self.stride / min(intrinsics.fx, intrinsics.fy)
         self.z = np.zeros((rows, columns), np.float32)
         self.edge_at = np.full((rows, columns), -1, np.int32)
@@ -65,15 +65,16 @@ class EdgeCloud:
         """Take the edges and samples from `image`."""
         if image.depth.shape != self._shape:
             raise ValueError(f"the depth image is {image.depth.shape}, the intrinsics say {self._shape}")
-        self._decimate(image)
-        self._find_edges(image)
+        # Numba compiles anew for a read-only or a strided array: whatever comes, the kernels see one type.
+        depth = np.ascontiguousarray(image.depth, np.uint16).view()
+        depth.setflags(write=False)
+        self._decimate(depth, float(image.unit_m))
+        self._find_edges(depth, float(image.unit_m))
         self._choose_samples()
 
-    def _decimate(self, image: DepthImage) -> None:
+    def _decimate(self, depth: NDArray[np.uint16], unit_m: float) -> None:
         config = self._config
-        self.points = kernels.decimate(
-            image.depth, image.unit_m, self.stride, config.range_min_m, config.range_max_m, self.z
-        )
+        self.points = kernels.decimate(depth, unit_m, self.stride, config.range_min_m, config.range_max_m, self.z)
         kernels.find_open(self.z, config.min_open_cells, self._open_rows)
         kernels.mark_floor(
             self.z,
@@ -89,19 +90,19 @@ class EdgeCloud:
             self._inverse,
         )
 
-    def _find_edges(self, image: DepthImage) -> None:
+    def _find_edges(self, depth: NDArray[np.uint16], unit_m: float) -> None:
         self.edge_at.fill(-1)
         self.edges = 0
-        self._find_occluding(image)
+        self._find_occluding(depth, unit_m)
         self._find_contact()
         for vertical in (0, 1):
             self._find_creases(vertical)
 
-    def _find_occluding(self, image: DepthImage) -> None:
+    def _find_occluding(self, depth: NDArray[np.uint16], unit_m: float) -> None:
         config = self._config
         self.edges = kernels.find_occluding(
-            image.depth,
-            image.unit_m,
+            depth,
+            unit_m,
             self.z,
             self.slope_x,
             self.slope_y,

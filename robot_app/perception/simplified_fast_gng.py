@@ -37,9 +37,9 @@ class SimplifiedFastGng:
     def __init__(self, config: LearningConfig, evaluation: RefineConfig, max_samples: int) -> None:
         self._config = config
         self._evaluation = evaluation
-        self._min_length_m = np.array(config.min_length_m)
-        self._max_length_m = np.array(config.max_length_m)
-        self._per_node = np.array(config.samples_per_node)
+        self._min_length_m = np.array(config.min_length_m, np.float64)
+        self._max_length_m = np.array(config.max_length_m, np.float64)
+        self._per_node = np.array(config.samples_per_node, np.float64)
         self._nearest_m, self._seen_m, self._chance = np.zeros((3, max_samples), np.float32)
 
     def learn(self, cloud: EdgeCloud, network: Network) -> None:

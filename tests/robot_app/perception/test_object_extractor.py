@@ -10,7 +10,9 @@ import pytest
 from PIL import Image
 
 from robot_app.drivers.base import DepthImage
+from robot_app.perception import _kernels as edge_kernels
 from robot_app.perception.config import EdgeConfig, LearningConfig, PerceptionConfig, RefineConfig
+from robot_app.perception.network import _kernels as network_kernels
 from robot_app.perception.object_extractor import ObjectExtractor, clusters
 from shared.geometry.camera import CameraMount, Intrinsics
 from shared.messages import ObjectNetwork
@@ -186,6 +188,25 @@ def test_warming_up_leaves_an_extractor_that_works_as_before(world, room) -> Non
     warm = extractor_of(world)
     warm.warm_up()
     assert warm.extract(image).nodes_m.tobytes() == extractor_of(world).extract(image).nodes_m.tobytes()
+
+
+def test_nothing_is_compiled_after_warming_up(world, room) -> None:
+    extractor = extractor_of(world)
+    extractor.warm_up()
+    before = [len(kernel.signatures) for kernel in all_kernels()]
+    image = world.image(room, np.random.default_rng(1))
+    frozen = image.depth.copy()
+    frozen.setflags(write=False)
+    strided = np.zeros((480, 1280), np.uint16)
+    strided[:, ::2] = image.depth
+    for depth in (image.depth, frozen, strided[:, ::2]):
+        extractor.extract(DepthImage(0.0, depth, UNIT_M))
+    assert [len(kernel.signatures) for kernel in all_kernels()] == before
+
+
+def all_kernels() -> list:
+    modules = (edge_kernels, network_kernels)
+    return [item for module in modules for item in vars(module).values() if hasattr(item, "signatures")]
 
 
 def test_clusters_are_the_connected_components() -> None:
