@@ -123,7 +123,7 @@ class GridConfig:
     hit_log_odds: float = 0.85
     miss_log_odds: float = -0.2
     limit_log_odds: float = 6.0
-    thin_share: float = 0.35  # a cell with fewer hits than this share of a near cell's is the noise of that one
+    thin_share: float = 0.5  # a cell with fewer hits than this share of a near cell's is the noise of that one
     thin_reach_cells: int = 2
     moved_cells: float = 0.25  # a scan whose pose changed more is drawn again
 
