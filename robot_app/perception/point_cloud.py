@@ -1,4 +1,12 @@
-"""From a depth image to the points on the edges of things (paper 1, eqs 4-11)."""
+"""From a depth image to the points on the edges of things (paper 1, eqs 4-11).
+
+There are three kinds of edges: where a near surface hides a farther one (eqs 7-9 on the near side alone, to the pixel),
+where something stands on the floor, and creases, where two surfaces meet; eqs 7-9 see few of those.
+What is not known is no edge: an object that the image border cuts has none there, and a hole counts as seen through
+only if something farther appears on its other side, or if it is open space, that is reaches down from the upper border
+to something that was measured. So neither a hand before the lens nor a wall nearer than the camera's range makes edges
+on what is behind it, and a wall's top against nothing is one.
+"""
 
 from __future__ import annotations
 
