@@ -70,7 +70,7 @@ def heap_pop(keys: Floats, items: Ints, size: int) -> int:
 def ways_to_goal(passable: NDArray[np.bool_], cell_m: float, row: int, column: int, way_m: Floats) -> None:
     """Dijkstra: write how far each cell is from the goal cell over passable cells, infinite where there is no way."""
     rows, columns = passable.shape
-    way_m[:, :] = math.inf
+    way_m.fill(math.inf)
     keys = np.empty(9 * rows * columns)
     items = np.empty(9 * rows * columns, np.int64)
     way_m[row, column] = 0.0
@@ -93,6 +93,20 @@ def ways_to_goal(passable: NDArray[np.bool_], cell_m: float, row: int, column: i
                 if way < way_m[a, b] - 1e-9:
                     way_m[a, b] = way
                     size = heap_push(keys, items, size, way, a * columns + b)
+
+
+@njit(nogil=True, cache=True)
+def _copy_pose(source: Floats, target: Floats) -> None:
+    """Element by element: an array assignment takes numba seconds to compile."""
+    for k in range(3):
+        target[k] = source[k]
+
+
+@njit(nogil=True, cache=True)
+def _copy_elements(source: Floats, target: Floats) -> None:
+    for k in range(3):
+        target[k, 0] = source[k, 0]
+        target[k, 1] = source[k, 1]
 
 
 @njit(nogil=True, cache=True)
@@ -259,7 +273,7 @@ def best_connection(
         least = abs(trial[0, 1]) + abs(trial[1, 1]) + abs(trial[2, 1])
         if least * (costs[0] if kind & 2 else 1.0) >= best:
             continue
-        at[:] = pose
+        _copy_pose(pose, at)
         cost = 0.0
         last_curvature = before[0]
         last_length = before[1]
@@ -277,7 +291,7 @@ def best_connection(
         if cost < best:
             best = cost
             found = True
-            out[:, :] = trial
+            _copy_elements(trial, out)
     return best if found else math.inf
 
 
@@ -309,8 +323,10 @@ def search(
     pool = 6 * max_expansions + 16
     nodes = np.empty((pool, 4))  # x, y, theta, cost so far
     led = np.zeros((pool, 2))  # the element that led here
-    parents = np.full(pool, -1, np.int64)
-    best = np.full(rows * columns * headings, np.float32(np.inf))
+    parents = np.empty(pool, np.int64)
+    parents[0] = -1
+    best = np.empty(rows * columns * headings, np.float32)
+    best.fill(math.inf)
     keys = np.empty(pool)
     items = np.empty(pool, np.int64)
     pose = np.empty(3)
@@ -334,7 +350,7 @@ def search(
         i = min(max(int((nodes[node, 1] - low) / way_cell), 0), rows - 1)
         j = min(max(int((nodes[node, 0] - left) / way_cell), 0), columns - 1)
         if way_m[i, j] < 1.0 or expansions % 10 == 1:
-            pose[:] = nodes[node, :3]
+            _copy_pose(nodes[node], pose)
             cost = best_connection(
                 field_m, left, low, cell, discs, radius, soft, start, costs, pose, led[node], goal, free_heading,
                 final_cost - nodes[node, 3], tail,
@@ -342,11 +358,11 @@ def search(
             if nodes[node, 3] + cost < final_cost:
                 final_cost = nodes[node, 3] + cost
                 final_node = node
-                final[:, :] = tail
+                _copy_elements(tail, final)
         for move in range(6):
             curvature = costs[4] * (move % 3 - 1)
             length = step_m if move < 3 else -step_m
-            pose[:] = nodes[node, :3]
+            _copy_pose(nodes[node], pose)
             cost = nodes[node, 3] + change_cost(costs, led[node, 0], led[node, 1], curvature, length)
             cost += drive_element(field_m, left, low, cell, discs, radius, soft, start, costs, pose, curvature, length)
             if cost >= final_cost or count >= pool:

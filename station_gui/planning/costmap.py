@@ -19,6 +19,7 @@ class CostmapConfig:
     occupied_probability: float = 0.65  # at and above this a cell is an obstacle; the map calls 0.75 occupied
     free_probability: float = 0.45  # at and below this a cell is free; in between nothing is known
     speck_m2: float = 0.012  # unknown spots smaller than this amid free space are free: no beam hit just them
+    blind_m: float = 0.10  # unknown cells so near to the standing robot are free: its scanner cannot see them
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,9 +51,8 @@ def make_costmap(
     unknown = ~occupied & (grid.probability > config.free_probability)
     unknown &= ~_specks(unknown, occupied, config.speck_m2 / grid.cell_m**2)
     if map_from_robot is not None:
-        under = _under_car(grid, car, map_from_robot)
-        occupied &= ~under
-        unknown &= ~under
+        occupied &= ~_near_car(grid, car, map_from_robot, grid.cell_m / 2)
+        unknown &= ~_near_car(grid, car, map_from_robot, config.blind_m)
     free = np.pad(~(occupied | unknown), 1, constant_values=False)  # beyond the map nothing is known
     distance = ndimage.distance_transform_edt(free)[1:-1, 1:-1]
     clearance = np.maximum(distance - 0.5, 0.0) * grid.cell_m
@@ -69,13 +69,12 @@ def _specks(unknown: NDArray[np.bool_], occupied: NDArray[np.bool_], cells: floa
     return small
 
 
-def _under_car(grid: GridMap, car: CarGeometry, map_from_robot: Pose2) -> NDArray[np.bool_]:
+def _near_car(grid: GridMap, car: CarGeometry, map_from_robot: Pose2, slack: float) -> NDArray[np.bool_]:
     rows, columns = grid.probability.shape
     x = grid.origin_m[0] + (np.arange(columns) + 0.5) * grid.cell_m
     y = grid.origin_m[1] + (np.arange(rows) + 0.5) * grid.cell_m
     centres = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     at = map_from_robot.inverse().apply(centres)
-    slack = grid.cell_m / 2
     inside = (
         (at[:, 0] >= -car.rear_m - slack)
         & (at[:, 0] <= car.front_m + slack)
