@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from robot_app.drivers.base import DepthImage
 from robot_app.perception import _kernels as kernels
 from robot_app.perception.config import EdgeConfig
+from robot_app.perception.curves import _kernels as curves
 from shared.geometry.camera import Intrinsics
 
 _NEAR_LIMIT = 1.2  # surfaces within this many times the least range may end where the range does
@@ -148,7 +149,7 @@ class EdgeCloud:
 
     def _find_creases(self, vertical: int) -> None:
         config = self._config
-        kernels.measure_creases(
+        curves.measure_creases(
             self._inverse,
             self.slope_y if vertical else self.slope_x,
             self.stride,
@@ -160,7 +161,7 @@ class EdgeCloud:
             self._bend,
             self._shift,
         )
-        self.edges = kernels.find_creases(
+        self.edges = curves.find_creases(
             self.z,
             self.slope_x,
             self.slope_y,
@@ -175,11 +176,11 @@ class EdgeCloud:
 
     def _choose_samples(self) -> None:
         config = self._config
-        kernels.label_curves(
+        curves.label_curves(
             self.edge_m, self.edge_at, self.edges, self.cell_width, self._curve, self._box_m, self._extent_m
         )
-        kernels.corner_scores(self.edge_m, self.edge_at, self.cell_width, self._score, self._smooth_m)
-        self.samples = kernels.choose_samples(
+        curves.corner_scores(self.edge_m, self.edge_at, self.cell_width, self._score, self._smooth_m)
+        self.samples = curves.choose_samples(
             self.edge_at,
             self._rank,
             self._smooth_m,

@@ -1,0 +1,1 @@
+"""Kernels that find creases and join edge points to curves."""
