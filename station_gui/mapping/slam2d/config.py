@@ -88,11 +88,15 @@ class LoopConfig:
     neighbours: int = 3  # nodes on each side that make the place's map
     query_neighbours: int = 1
     max_query_points: int = 300
+    min_query_points: int = 30
     max_candidates: int = 2  # per new node
     min_score: float = 0.55  # mean likelihood of branch and bound
     min_inlier_share: float = 0.7
-    max_branches: int = 200_000
-    cached_places: int = 12
+    max_refinement_m: float = 0.5  # what least squares may still move after the search
+    max_branches: int = 20_000
+    cached_places: int = 8
+    max_place_surfels: int = 20_000
+    scans_per_step: int = 24
     agreement_m: float = 0.3  # of two far closures that confirm each other
     agreement_rad: float = math.radians(3.0)
 

@@ -80,8 +80,8 @@ class GraphSlam:
         if self._graph.nodes == 0:
             return
         self._jobs.extend(self._closer.candidates(self._graph, self._node))
-        while self._jobs:
-            self._search(self._jobs.popleft())
+        while self._jobs or self._closer.busy:
+            self._search()
         before = self._graph.poses.copy()
         self._graph.optimise()
         self._note_moves(before)
@@ -230,10 +230,11 @@ class GraphSlam:
 
     def _work(self) -> None:
         """A bounded share of what is put off: one search or one step of optimisation, some scans of the next window."""
-        if self._graph.optimising or self._urgent or not self._jobs:
+        searching = self._closer.busy or self._jobs
+        if self._graph.optimising or self._urgent or not searching:
             self._optimise_a_little()
         else:
-            self._search(self._jobs.popleft())
+            self._search()
         if not self._local.building and self._since_rebuild_m > self._config.local_map.rebuild_distance_m:
             self._since_rebuild_m = 0.0
             self._local.begin(self._graph, self._by_node, self._node, self._map_pose())
@@ -245,12 +246,17 @@ class GraphSlam:
         self._local_from_node = self._local.current_from_node
         self._pose = compose(self._local_from_node, in_node)
 
-    def _search(self, candidate: Candidate) -> None:
-        closure = self._closer.close(self._graph, self._by_node, candidate)
-        if closure is None:
-            return
+    def _search(self) -> None:
+        if not self._closer.busy:
+            self._closer.begin(self._jobs.popleft())
+        closure = self._closer.step(self._graph, self._by_node)
+        if closure is not None:
+            self._judge(closure)
+
+    def _judge(self, closure: Closure) -> None:
+        """What agrees with the graph is believed; what does not needs a second closure that says the same."""
         correction = self._correction(closure)
-        if candidate.shift_m == 0 or np.hypot(correction[0], correction[1]) < self._config.loops.agreement_m:
+        if not closure.searched or np.hypot(correction[0], correction[1]) < self._config.loops.agreement_m:
             self._accept([closure])
             return
         agreeing = [other for other in self._unconfirmed if other.new != closure.new and self._agree(other, closure)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,13 +20,17 @@ from station_gui.mapping.slam2d.search.branch_and_bound import Pyramid, build_py
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Closure:
-    """Node `new` lies at `measured` in the frame of node `old`; `information` (3, 3) in the frame of `old`."""
+    """Node `new` lies at `measured` in the frame of node `old`; `information` (3, 3) in the frame of `old`.
+
+    `searched`: the estimate was not good enough to start from, so that the place itself may be mistaken.
+    """
 
     old: int
     new: int
     measured: NDArray[np.float64]
     information: NDArray[np.float64]
     share: float
+    searched: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,20 +44,29 @@ class Candidate:
 
 @dataclass(slots=True, eq=False)
 class _Place:
-    """Surroundings of a node in its own frame."""
+    """Surroundings of a node in its own frame; `waiting` scans are not in it yet."""
 
     local_map: LocalMap
-    pyramid: Pyramid | None
+    waiting: deque[tuple[Keyframe, NDArray[np.float64]]]
+    pyramid: Pyramid | None = None
 
 
 class LoopCloser:
-    """Candidates by distance against drift, branch and bound, refinement, and a score to believe it."""
+    """Candidates by distance against drift, branch and bound, refinement, and a score to believe it.
+
+    One candidate is worked on at a time, a bounded share of it in each `step`.
+    """
 
     def __init__(self, config: LoopConfig, map_config: LocalMapConfig, matcher: ScanMatcher) -> None:
         self._config = config
         self._map_config = map_config
         self._matcher = matcher
         self._places: OrderedDict[int, _Place] = OrderedDict()
+        self._candidate: Candidate | None = None
+
+    @property
+    def busy(self) -> bool:
+        return self._candidate is not None
 
     def forget_places(self) -> None:
         """The nodes have moved against each other."""
@@ -80,18 +93,37 @@ class LoopCloser:
                 break
         return found
 
-    def close(self, graph: PoseGraph, by_node: list[list[Keyframe]], candidate: Candidate) -> Closure | None:
-        """Look for the new node's scans round the old node."""
-        old, new = candidate.old, candidate.new
-        place = self._place(graph, by_node, old)
-        query = self._query(graph, by_node, new)
-        if len(query.points_m) < 30:
+    def begin(self, candidate: Candidate) -> None:
+        self._candidate = candidate
+
+    def step(self, graph: PoseGraph, by_node: list[list[Keyframe]]) -> Closure | None:
+        """Draw some scans of the old place, or its pyramid, or else look for the new node's scans in it."""
+        candidate = self._candidate
+        if candidate is None:
             return None
-        guess = between(graph.poses[old], graph.poses[new])
-        if candidate.shift_m > 0:
+        place = self._place(graph, by_node, candidate.old)
+        if place.waiting:
+            self._draw(place)
+            return None
+        if candidate.shift_m > 0 and place.pyramid is None:
+            likelihood = self._matcher.likelihood(place.local_map, self._config.cell_m)
+            place.pyramid = build_pyramid(*likelihood, self._config.levels)
+            return None
+        self._candidate = None
+        return self._close(graph, by_node, candidate, place)
+
+    def _close(
+        self, graph: PoseGraph, by_node: list[list[Keyframe]], candidate: Candidate, place: _Place
+    ) -> Closure | None:
+        query = self._query(graph, by_node, candidate.new)
+        if len(query.points_m) < self._config.min_query_points:
+            return None
+        guess = between(graph.poses[candidate.old], graph.poses[candidate.new])
+        if place.pyramid is not None and candidate.shift_m > 0:
+            stride = -(-len(query.points_m) // self._config.max_query_points)
             found = search(
-                query.points_m[:: -(-len(query.points_m) // self._config.max_query_points)].copy(),
-                self._pyramid(place),
+                np.ascontiguousarray(query.points_m[::stride]),
+                place.pyramid,
                 guess,
                 candidate.shift_m,
                 self._config.search_turn_rad,
@@ -108,32 +140,38 @@ class LoopCloser:
         if match.share < self._config.min_inlier_share or not np.isfinite(match.pose).all():
             return None
         moved_m = math.hypot(match.pose[0] - guess[0], match.pose[1] - guess[1])
-        if moved_m > 0.5:
+        if moved_m > self._config.max_refinement_m:
             return None
-        return Closure(pair.old, pair.new, match.pose, match.information, match.share)
+        return Closure(pair.old, pair.new, match.pose, match.information, match.share, searched=pair.shift_m > 0)
 
     def _place(self, graph: PoseGraph, by_node: list[list[Keyframe]], node: int) -> _Place:
         if node in self._places:
             self._places.move_to_end(node)
             return self._places[node]
-        config = self._map_config
-        local_map = LocalMap(config.size_m, config.cell_m, config.reach_cells, config.max_surfels, config.max_count)
+        place = _Place(self._blank_map(), deque())
         reach = self._config.neighbours
         for k in range(max(0, node - reach), min(len(by_node), node + reach + 1)):
             node_from_k = between(graph.poses[node], graph.poses[k])
-            for keyframe in by_node[k]:
-                scan = keyframe.lines()
-                local_map.insert(scan.points_m, scan.normals, compose(node_from_k, keyframe.in_node))
-        self._places[node] = _Place(local_map, None)
-        if len(self._places) > self._config.cached_places:
-            self._places.popitem(last=False)
-        return self._places[node]
+            place.waiting.extend((keyframe, compose(node_from_k, keyframe.in_node)) for keyframe in by_node[k])
+        self._places[node] = place
+        return place
 
-    def _pyramid(self, place: _Place) -> Pyramid:
-        if place.pyramid is None:
-            place.pyramid = build_pyramid(*self._matcher.likelihood(place.local_map, self._config.cell_m),
-                                          self._config.levels)  # fmt: skip
-        return place.pyramid
+    def _blank_map(self) -> LocalMap:
+        """That of the place that was not needed for longest, or a new one."""
+        if len(self._places) >= self._config.cached_places:
+            local_map = self._places.popitem(last=False)[1].local_map
+            local_map.clear(0.0, 0.0)
+            return local_map
+        config = self._map_config
+        return LocalMap(
+            config.size_m, config.cell_m, config.reach_cells, self._config.max_place_surfels, config.max_count
+        )
+
+    def _draw(self, place: _Place) -> None:
+        for _ in range(min(self._config.scans_per_step, len(place.waiting))):
+            keyframe, pose = place.waiting.popleft()
+            scan = keyframe.lines()
+            place.local_map.insert(scan.points_m, scan.normals, pose)
 
     def _query(self, graph: PoseGraph, by_node: list[list[Keyframe]], node: int) -> LineScan:
         """Scans of the node and its neighbours in its own frame."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from station_gui.mapping.slam2d.config import MatchConfig, NormalConfig
 from station_gui.mapping.slam2d.matching import _kernels
 from station_gui.mapping.slam2d.matching.local_map import LocalMap
-from station_gui.mapping.slam2d.search._kernels import correlate
+from station_gui.mapping.slam2d.search._kernels import correlate, fill_likelihood
 
 _NO_PRIOR = np.zeros(3)
 
@@ -130,11 +130,11 @@ class ScanMatcher:
     def likelihood(self, local_map: LocalMap, cell_m: float) -> tuple[NDArray[np.uint8], tuple[float, float], float]:
         """The map as a grid of likelihoods 0..255 with cells of about `cell_m`, its lower left corner and cell."""
         factor = max(1, round(cell_m / local_map.cell_m))
-        fine = np.round(255 * self._likelihood).astype(np.uint8)[local_map.distance2]
-        side = len(fine) // factor
-        blocks = fine[: side * factor, : side * factor].reshape(side, factor, side, factor)
+        side = len(local_map.distance2) // factor
+        likelihood = np.zeros((side, side), np.uint8)
+        fill_likelihood(local_map.distance2, np.round(255 * self._likelihood).astype(np.uint8), factor, likelihood)
         return (
-            np.ascontiguousarray(blocks.max(axis=(1, 3))),
+            likelihood,
             (local_map.origin_x_m, local_map.origin_y_m),
             factor * local_map.cell_m,
         )

@@ -12,6 +12,20 @@ FloatArray = NDArray[np.float64]
 
 
 @njit(nogil=True, cache=True)
+def fill_likelihood(
+    distance2: NDArray[np.uint8], table: NDArray[np.uint8], factor: int, likelihood: NDArray[np.uint8]
+) -> None:
+    """Each cell of `likelihood` is the maximum over `factor` × `factor` cells of `table[distance2]`."""
+    for row in range(likelihood.shape[0]):
+        for column in range(likelihood.shape[1]):
+            least = 255
+            for r in range(row * factor, (row + 1) * factor):
+                for q in range(column * factor, (column + 1) * factor):
+                    least = min(least, distance2[r, q])
+            likelihood[row, column] = table[least]
+
+
+@njit(nogil=True, cache=True)
 def fill_pyramid(levels: NDArray[np.uint8]) -> None:
     """Level 0 is given; a cell of level h is the maximum over the square of 2**h cells that begins there."""
     depth, height, width = levels.shape
