@@ -179,7 +179,15 @@ class EdgeCloud:
         curves.label_curves(
             self.edge_m, self.edge_at, self.edges, self.cell_width, self._curve, self._box_m, self._extent_m
         )
-        curves.corner_scores(self.edge_m, self.edge_at, self.cell_width, self._score, self._smooth_m)
+        curves.corner_scores(
+            self.edge_m,
+            self.edge_at,
+            self._extent_m,
+            config.min_curve_m,
+            self.cell_width,
+            self._score,
+            self._smooth_m,
+        )
         self.samples = curves.choose_samples(
             self.edge_at,
             self._rank,
@@ -187,7 +195,6 @@ class EdgeCloud:
             self._score,
             self._curve,
             self._extent_m,
-            config.min_curve_m,
             config.full_curve_m,
             config.corner_gain,
             self.cell_width / config.sample_spacing_m,

@@ -185,14 +185,17 @@ def label_curves(
 
 
 @njit(nogil=True, cache=True)
-def corner_scores(edge_m: F32, edge_at: I32, cell_width: float, score: F32, smooth_m: F32) -> None:
+def corner_scores(
+    edge_m: F32, edge_at: I32, extent_m: F32, min_extent_m: float, cell_width: float, score: F32, smooth_m: F32
+) -> None:
     """`score`: (E,) 0 in the middle of a straight edge, 1 at its end and at a right angle,
     up to 4/3 where three edges meet.
 
     An end is seen by how far the centre of the neighbouring edge points lies off, as a share of their mean distance;
     a corner by their spreading in more than one direction, from the invariants of their second moments.
     `smooth_m`: (E, 3) that centre for points in the middle, which has less noise; the point itself for corners.
-    A point with less than two others within two cells is a stray one: its score is -1.
+    The score is -1 for noise: points of curves below `min_extent_m`, and those with less than two others within two
+    cells.
     """
     rows, columns = edge_at.shape
     reach = 5
@@ -200,6 +203,9 @@ def corner_scores(edge_m: F32, edge_at: I32, cell_width: float, score: F32, smoo
         for j in range(columns):
             index = edge_at[i, j]
             if index < 0:
+                continue
+            if extent_m[index] < min_extent_m:
+                score[index] = -1.0
                 continue
             x, y, z = edge_m[index, 0], edge_m[index, 1], edge_m[index, 2]
             limit = (1.1 * reach * cell_width * z) ** 2
@@ -237,7 +243,6 @@ def choose_samples(
     score: F32,
     label: I32,
     extent_m: F32,
-    min_extent_m: float,
     full_extent_m: float,
     corner_gain: float,
     share_per_m: float,
@@ -250,21 +255,21 @@ def choose_samples(
 
     `rank`: (R, C) a fixed number in [0, 1) for each cell: which points go does not depend on other points' noise.
     `share_per_m`: the share of points to keep at 1 m depth. `sample_weight`: corners weigh more than the middle of an
-    edge, and large curves more than small ones; curves below `min_extent_m` are noise.
+    edge, and large curves more than small ones. Points with a negative score are noise.
     """
     corner = 0.5
     kept = 0.0
     for i in range(edge_at.shape[0]):
         for j in range(edge_at.shape[1]):
             index = edge_at[i, j]
-            if index >= 0 and extent_m[index] >= min_extent_m and score[index] >= 0.0:
+            if index >= 0 and score[index] >= 0.0:
                 kept += 1.0 if score[index] > corner else min(1.0, share_per_m * smooth_m[index, 2])
     squeeze = min(1.0, 0.95 * limit / max(kept, 1.0))
     count = 0
     for i in range(edge_at.shape[0]):
         for j in range(edge_at.shape[1]):
             index = edge_at[i, j]
-            if index < 0 or extent_m[index] < min_extent_m or score[index] < 0.0 or count >= limit:
+            if index < 0 or score[index] < 0.0 or count >= limit:
                 continue
             share = 1.0 if score[index] > corner else min(1.0, share_per_m * smooth_m[index, 2])
             if rank[i, j] < squeeze * share:

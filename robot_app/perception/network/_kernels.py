@@ -101,10 +101,13 @@ def _set_link(linked: U8, a: int, b: int, value: int) -> None:
 @njit(nogil=True, cache=True)
 def limit_degree(node_m: F32, linked: U8, nodes: int, most: int) -> None:
     """Step 6: while a node has more than `most` connections, the longest one of such a node goes."""
+    degrees = np.zeros(nodes, np.int32)
+    for a in range(nodes):
+        degrees[a] = degree(linked, nodes, a)
     while True:
         longest, la, lb = -1.0, -1, -1
         for a in range(nodes):
-            if degree(linked, nodes, a) <= most:
+            if degrees[a] <= most:
                 continue
             for b in range(nodes):
                 if linked[a, b] == 1 and _distance(node_m, a, node_m, b) > longest:
@@ -112,6 +115,8 @@ def limit_degree(node_m: F32, linked: U8, nodes: int, most: int) -> None:
         if la < 0:
             return
         _set_link(linked, la, lb, 0)
+        degrees[la] -= 1
+        degrees[lb] -= 1
 
 
 @njit(nogil=True, cache=True)
