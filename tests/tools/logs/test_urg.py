@@ -19,9 +19,9 @@ def _line(time_us: int, left: int, right: int, distance_mm: int = 1000) -> str:
 
 
 def test_wheel_ticks_become_odometry(tmp_path: Path) -> None:
-    """2000 ticks are half a turn of a wheel of 77 mm; the wheels are 330 mm apart."""
+    """2000 ticks are a turn of a wheel of 77 mm; the wheels are 330 mm apart."""
     path = tmp_path / "a.dat"
-    path.write_text(_line(0, 0, 0) + _line(100_000, 2000, 2000) + _line(200_000, 2000, 4000))
+    path.write_text(_line(0, 0, 0) + _line(100_000, 1000, 1000) + _line(200_000, 1000, 2000))
     scans = list(UrgReader(path))
     half_turn_m = math.pi * 0.077
 
