@@ -360,3 +360,37 @@ def sweep(
         end[2] = theta
         end[3] = delta
     return driven, nearest
+
+
+@njit(nogil=True, cache=True)
+def mark_seen(
+    scanner: Floats, angles_rad: Floats, ranges_m: Floats, reach_m: float, cell_m: float, owner: Ints
+) -> None:
+    """Note every cell that a beam has passed: `owner` (S, S, 2) then holds its row and column. Angles: odom frame."""
+    size = len(owner)
+    for k in range(len(angles_rad)):
+        ux = math.cos(angles_rad[k])
+        uy = math.sin(angles_rad[k])
+        walked = 0.0
+        last = min(ranges_m[k], reach_m)
+        while walked < last:
+            row = math.floor((scanner[1] + walked * uy) / cell_m)
+            column = math.floor((scanner[0] + walked * ux) / cell_m)
+            owner[row % size, column % size, 0] = row
+            owner[row % size, column % size, 1] = column
+            walked += 0.7 * cell_m
+
+
+@njit(nogil=True, cache=True)
+def collect_unseen(candidates_m: Floats, cell_m: float, owner: Ints, unseen_m: Floats) -> int:
+    """Write those of `candidates_m` (N, 2), odom frame, whose cell was never seen; returns how many."""
+    size = len(owner)
+    found = 0
+    for k in range(len(candidates_m)):
+        row = math.floor(candidates_m[k, 1] / cell_m)
+        column = math.floor(candidates_m[k, 0] / cell_m)
+        if owner[row % size, column % size, 0] != row or owner[row % size, column % size, 1] != column:
+            unseen_m[found, 0] = candidates_m[k, 0]
+            unseen_m[found, 1] = candidates_m[k, 1]
+            found += 1
+    return found

@@ -11,6 +11,7 @@ from robot_app.control import _kernels
 from shared.geometry.ackermann import CarGeometry
 
 ORIGIN = np.zeros(3)
+NONE = np.zeros((0, 2))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,14 +35,22 @@ class SweepConfig:
 class Footprint:
     """The car among obstacle points, robot frame."""
 
-    def __init__(self, car: CarGeometry, config: SweepConfig, points_m: NDArray[np.float64]) -> None:
-        """`points_m`: (N, 2), robot frame. A point that is within the margin already must not come nearer."""
+    def __init__(
+        self, car: CarGeometry, config: SweepConfig, points_m: NDArray[np.float64], unseen_m: NDArray[np.float64] = NONE
+    ) -> None:
+        """`points_m`: (N, 2), robot frame. A point that is within the margin already must not come nearer.
+
+        `unseen_m`: (M, 2), robot frame, ground that the body must not cover, but may come near to.
+        """
         self._car = car
         self._config = config
-        self._points_m = np.ascontiguousarray(points_m)
-        self._margins_m = np.empty(len(points_m))
+        self._points_m = np.vstack((points_m, unseen_m))
+        self._margins_m = np.zeros(len(self._points_m))
         half = car.width_m / 2
-        _kernels.point_margins(self._points_m, car.front_m, car.rear_m, half, config.margin_m, self._margins_m)
+        seen = len(points_m)
+        _kernels.point_margins(
+            self._points_m[:seen], car.front_m, car.rear_m, half, config.margin_m, self._margins_m[:seen]
+        )
 
     def sweep(
         self,

@@ -7,13 +7,13 @@ drives faster than it can stop. Where no steering leads on, it reverses out, the
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_app.control.footprint import Footprint, Sweep, SweepConfig
+from robot_app.control.footprint import NONE, Footprint, Sweep, SweepConfig
 from robot_app.control.motion import STAND_STILL, Motion
 from robot_app.control.turning import Turning, TurningConfig, find_turning
 from shared.geometry.ackermann import CarGeometry
@@ -36,8 +36,10 @@ class AvoidanceConfig:
     comfortable_clearance_m: float = 0.08
     latency_s: float = 0.2  # scan, control and servo
     deceleration_mps2: float = 0.8
-    stuck_free_m: float = 0.06  # shorter ways on are not worth it
-    reverse_mps: float = 0.12
+    stuck_free_m: float = 0.08  # shorter ways on are not worth it
+    reverse_mps: float = 0.18
+    blind_mps: float = 0.06  # into ground that nobody has seen
+    blind_m: float = 0.15  # no farther at once than this
     standing_mps: float = 0.02
     settle_s: float = 0.15  # for the wheels to turn before the car moves
     phase_timeout_s: float = 6.0
@@ -97,9 +99,11 @@ class ObstacleAvoidance:
     def reset(self) -> None:
         self._manoeuvre: _Manoeuvre | None = None
         self._attempts = 0
+        self._cautious = Footprint(self._car, self._config.sweep, NONE)
         self._anchor: Pose2 | None = None
         self._blocked_until_s = -math.inf
         self._last_rad = 0.0
+        self._blind = False
 
     def step(
         self,
@@ -109,9 +113,17 @@ class ObstacleAvoidance:
         odom_from_robot: Pose2,
         speed_mps: float,
         steering_rad: float,
+        unseen_m: NDArray[np.float64] = NONE,
     ) -> Avoided:
-        """`points_m`: (N, 2) obstacles, odom frame; `speed_mps` measured; `steering_rad` as it was last commanded."""
-        footprint = Footprint(self._car, self._config.sweep, odom_from_robot.inverse().apply(points_m))
+        """`points_m`: (N, 2) obstacles, odom frame; `speed_mps` measured; `steering_rad` as it was last commanded.
+
+        `unseen_m`: (M, 2), odom frame, ground behind the car that nobody has seen (`SeenGround`): a reversal that
+        is put in does not go there, unless no other leads on; then it creeps a short way.
+        """
+        robot_from_odom = odom_from_robot.inverse()
+        points = robot_from_odom.apply(points_m)
+        footprint = Footprint(self._car, self._config.sweep, points)
+        self._cautious = Footprint(self._car, self._config.sweep, points, robot_from_odom.apply(unseen_m))
         self._note_progress(odom_from_robot)
         if self._manoeuvre is not None and wish.may_reverse:
             avoided = self._continue(now_s, footprint, odom_from_robot, speed_mps, self._manoeuvre)
@@ -171,7 +183,7 @@ class ObstacleAvoidance:
             return blocked
         turning = None
         if self._attempts < self._config.attempts:
-            turning = find_turning(footprint, self._car.max_steering_rad, wish.carrot_m, self._config.turning)
+            turning = self._find_turning(footprint, wish.carrot_m)
         if turning is None:
             self._blocked_until_s = now_s + self._config.retry_s
             self._attempts = 0
@@ -179,6 +191,16 @@ class ObstacleAvoidance:
         self._attempts += 1
         self._manoeuvre = _Manoeuvre(turning, _Phase.STOP, now_s, pose)
         return Avoided(Motion(0.0, turning.reverse_rad), AvoidanceState.REVERSING, best.free_m, best.clearance_m)
+
+    def _find_turning(self, footprint: Footprint, carrot_m: tuple[float, float] | None) -> Turning | None:
+        limit, config = self._car.max_steering_rad, self._config.turning
+        self._blind = False
+        turning = find_turning(self._cautious, limit, carrot_m, config)
+        if turning is None:
+            self._blind = True
+            short = tuple(length for length in config.lengths_m if length <= self._config.blind_m)
+            turning = find_turning(footprint, limit, carrot_m, replace(config, lengths_m=short))
+        return turning
 
     def _continue(self, now_s: float, footprint: Footprint, pose: Pose2, speed_mps: float, m: _Manoeuvre) -> Avoided:
         """One step of the way out: stop, reverse, stop, go on."""
@@ -190,12 +212,14 @@ class ObstacleAvoidance:
         forward = m.phase is _Phase.GO_ON
         steering = m.turning.forward_rad if forward else m.turning.reverse_rad
         length = 0.5 * m.turning.forward_m if forward else m.turning.reverse_m
-        sweep = footprint.sweep(steering, steering, forward, 0.4)
+        among = footprint if forward or self._blind else self._cautious
+        sweep = among.sweep(steering, steering, forward, 0.4)
         left = length - pose.distance_m(m.begin)
         if left <= 0.01 or sweep.free_m < self._config.sweep.step_m:
             self._next_phase(now_s, pose, m)
             return Avoided(Motion(0.0, steering), AvoidanceState.REVERSING, sweep.free_m, sweep.clearance_m)
-        speed = min(self._config.reverse_mps, self._safe_speed_mps(sweep), 0.04 + 1.5 * left)
+        fastest = self._config.blind_mps if self._blind else self._config.reverse_mps
+        speed = min(fastest, self._safe_speed_mps(sweep), 0.04 + 1.5 * left)
         motion = Motion(speed if forward else -speed, steering)
         return Avoided(motion, AvoidanceState.REVERSING, sweep.free_m, sweep.clearance_m)
 

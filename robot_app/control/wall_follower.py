@@ -34,8 +34,8 @@ class WallFollowerConfig:
     fast_mps: float = 0.32  # below the paper's "fast": the room is small
     max_steering_rad: float = 0.5
     turning_radius_m: float = 0.476  # the smallest
-    corner_m: float = 1.2  # how far along the way inner corners are looked for
-    corner_aside_m: float = 0.55  # beyond this to the side there is room to turn later
+    corner_m: float = 1.6  # how far along the way inner corners are looked for
+    corner_aside_m: float = 0.8  # beyond this to the side there is room to turn later
     lap_distance_m: float = 4.0  # no lap is shorter
     lap_gate_m: float = 0.4  # the lap ends this near to a place where the robot was before
     track_step_m: float = 0.1  # such places are remembered this often

@@ -19,10 +19,10 @@ from shared.geometry.se2 import Pose2
 @dataclass(frozen=True, slots=True)
 class WallTraceConfig:
     distance_m: float = 0.45  # from the wall to the middle of the car, where there is room for it
-    pass_radius_m: float = 0.29  # gaps narrower than twice this are wall: the car could not turn round in them
+    pass_radius_m: float = 0.36  # gaps narrower than twice this are wall: the car could not turn round in them
     tightest_m: float = 0.13  # the narrowest place, from its middle, in which a way is still looked for
     reach_m: float = 1.3  # a wall farther aside than this is not in sight
-    preview_m: float = 1.3  # length of the way that is looked at
+    preview_m: float = 1.6  # length of the way that is looked at
     step_m: float = 0.025
     cell_m: float = 0.03
     cells: int = 120  # 3.6 m
