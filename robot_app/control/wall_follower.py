@@ -38,6 +38,8 @@ class WallFollowerConfig:
     corner_aside_m: float = 0.8  # beyond this to the side there is room to turn later
     lap_distance_m: float = 4.0  # no lap is shorter
     lap_gate_m: float = 0.4  # the lap ends this near to a place where the robot was before
+    crossed_m: float = 0.5  # an island is left when something else is so near ahead
+    leave_limit_m: float = 4.0
     track_step_m: float = 0.1  # such places are remembered this often
     track_length: int = 400
 
@@ -124,7 +126,7 @@ class WallFollower:
         self._distance_m = 0.0
         self._turned_rad = 0.0
         self._leave_heading_rad = 0.0
-        self._left_from: Pose2 | None = None
+        self._left_at_m = 0.0
 
     def step(self, points_m: NDArray[np.float64], odom_from_robot: Pose2, clearance_ahead_m: float) -> WallStep:
         """`points_m`: (N, 2) obstacles, odom frame; `clearance_ahead_m`: how far the car can go as it steers now."""
@@ -214,12 +216,14 @@ class WallFollower:
     def _begin_crossing(self, pose: Pose2) -> None:
         self._state = WallState.LEAVE
         self._track.clear()
-        self._left_from = pose
+        self._left_at_m = self._distance_m
         self._leave_heading_rad = pose.theta_rad - self._config.side * math.pi / 2
 
     def _has_crossed(self, pose: Pose2, clearance_ahead_m: float) -> bool:
-        assert self._left_from is not None
-        return pose.distance_m(self._left_from) > 0.6 and clearance_ahead_m < 0.6
+        """Facing what stands at the other side; in any case after some way, however it went."""
+        faces = abs(wrap_angle(self._leave_heading_rad - pose.theta_rad)) < 0.7
+        reached = faces and 0.0 < clearance_ahead_m < self._config.crossed_m
+        return reached or self._distance_m - self._left_at_m > self._config.leave_limit_m
 
     def _cross(self, pose: Pose2, clearance_ahead_m: float) -> WallStep:
         off = wrap_angle(self._leave_heading_rad - pose.theta_rad)
