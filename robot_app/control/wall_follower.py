@@ -128,6 +128,10 @@ class WallFollower:
         self._leave_heading_rad = 0.0
         self._left_at_m = 0.0
 
+    @property
+    def state(self) -> WallState:
+        return self._state
+
     def step(self, points_m: NDArray[np.float64], odom_from_robot: Pose2, clearance_ahead_m: float) -> WallStep:
         """`points_m`: (N, 2) obstacles, odom frame; `clearance_ahead_m`: how far the car can go as it steers now."""
         self._travel(odom_from_robot)
