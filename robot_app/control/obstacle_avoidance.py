@@ -36,7 +36,8 @@ class AvoidanceConfig:
     comfortable_clearance_m: float = 0.08
     latency_s: float = 0.2  # scan, control and servo
     deceleration_mps2: float = 0.8
-    stuck_free_m: float = 0.08  # shorter ways on are not worth it
+    stuck_free_m: float = 0.08  # shorter ways on are not worth it to a wish that may reverse instead
+    creep_mps: float = 0.03  # stands within a centimetre
     reverse_mps: float = 0.18
     blind_mps: float = 0.06  # into ground that nobody has seen
     blind_m: float = 0.15  # no farther at once than this
@@ -151,7 +152,7 @@ class ObstacleAvoidance:
             return Avoided(wish.motion, AvoidanceState.CLEAR, 0.0, math.inf)
         forward = wish.motion.speed_mps > 0
         best = self._best(footprint, wish, steering_rad, forward)
-        if best.free_m < self._config.stuck_free_m:
+        if best.free_m < (self._config.stuck_free_m if wish.may_reverse else self._config.sweep.step_m):
             return self._stuck(now_s, wish, footprint, pose, best)
         speed = min(abs(wish.motion.speed_mps), self._safe_speed_mps(best))
         motion = Motion(speed if forward else -speed, best.steering_rad)
@@ -174,7 +175,7 @@ class ObstacleAvoidance:
         """The speed from which the car stops within `free_m`, its latency included; slower where it is tight."""
         a, t = self._config.deceleration_mps2, self._config.latency_s
         stopping = math.sqrt((a * t) ** 2 + 2 * a * max(sweep.free_m - 0.02, 0.0)) - a * t
-        return min(stopping, 0.10 + 2.5 * sweep.clearance_m)
+        return min(max(stopping, self._config.creep_mps), 0.10 + 2.5 * sweep.clearance_m)
 
     def _stuck(self, now_s: float, wish: Wish, footprint: Footprint, pose: Pose2, best: Sweep) -> Avoided:
         stand = Motion(0.0, best.steering_rad)
