@@ -138,7 +138,7 @@ class RobotApp:
             self._pilot.take_scan(scan.value, self._geometry)
         reason = self._reason_to_stand(now_s)
         with self._drive_lock:
-            if self._mission.state is MissionState.HALTED and self._mission.stop_reason is StopReason.EMERGENCY:
+            if self._must_cut(now_s):
                 self._hardware.drive.stop()
                 self._pilot.cut()
             else:
@@ -218,7 +218,7 @@ class RobotApp:
         return answer.accepted, answer.reason
 
     def _reason_to_stand(self, now_s: float) -> StopReason:
-        reason = self._guard.reason_to_stand(now_s, self._scan.age_s(now_s), now_s - self._odometry.state.stamp_s)
+        reason = self._guard.reason_to_stand(now_s, self._scan.age_s(now_s), self._odometry.age_s(now_s))
         if reason is not self._standing_reason:
             self._standing_reason = reason
             if self._mission.state in {MissionState.OBSERVE, MissionState.COMMAND}:
@@ -236,6 +236,11 @@ class RobotApp:
         if self._standing_reason is StopReason.NONE and self._pilot.state.blocked:
             return StopReason.BLOCKED
         return self._standing_reason
+
+    def _must_cut(self, now_s: float) -> bool:
+        """Braking by the speed loop needs the speed: without it, or in an emergency, the motor is cut instead."""
+        emergency = self._mission.state is MissionState.HALTED and self._mission.stop_reason is StopReason.EMERGENCY
+        return emergency or self._odometry.age_s(now_s) > self._config.safety.odometry_max_age_s
 
     def _is_news(self, objects_stamp_s: float) -> bool:
         fresh = self._clock.now_s() - objects_stamp_s <= schedule.DEPTH.max_age_s

@@ -28,6 +28,8 @@ from tools.logs.carmen import CarmenReader
 from tools.logs.urg import UrgReader
 from tools.pictures import draw_map
 
+tqdm.monitor_interval = 0  # its thread would outlive the bar
+
 
 class Source(Protocol):
     """A log of observations."""

@@ -64,6 +64,13 @@ class Odometry:
     def state(self) -> OdometryState:
         return self._state
 
+    def age_s(self, now_s: float) -> float:
+        """Of the older of its two inputs: without either the pose is worth nothing. Infinite before both have come."""
+        count, gyro_s = self._last_count, self._last_gyro_s
+        if count is None or gyro_s is None:
+            return math.inf
+        return now_s - min(count.stamp_s, gyro_s)
+
     @property
     def gyro_bias_radps(self) -> float:
         return self._bias_radps

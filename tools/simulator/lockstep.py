@@ -1,4 +1,4 @@
-"""A whole mission in one thread on a manual clock: the same app, the same station, no real time."""
+"""Robot, world and station in one thread on a manual clock: the same app, the same station, no real time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from robot_app.app import RobotApp
 from robot_app.config import RobotConfig
 from shared.link.base import Link, LinkError
-from shared.link.loopback import loopback_pair
+from shared.link.loopback import LoopbackLink, loopback_pair
 from shared.runtime.clock import ManualClock
 from shared.runtime.runner import LockstepRunner, OnFault, Row, Task
 from station_gui.build import build_station
@@ -22,6 +22,7 @@ from station_gui.model.figures import MissionFigures
 from station_gui.model.station import Station
 from tools.director import Director, Outcome
 from tools.simulator.drivers import SimulatedHardware
+from tools.simulator.faults import with_faults
 from tools.simulator.scenario import Scenario
 from tools.simulator.truth import RecordedTruth, read_truth, write_truth
 from tools.simulator.world import World
@@ -39,7 +40,93 @@ class MissionResult:
     outcome: Outcome
 
 
-class _Hands:
+class Lockstep:
+    """One robot and one station, joined by a loopback link that can be cut and made again."""
+
+    def __init__(
+        self, scenario: Scenario, seed: int, robot: RobotConfig, station: StationConfig, recording: Path | None = None
+    ) -> None:
+        self.clock = ManualClock()
+        self.world = World(scenario, seed)
+        hardware, self.faults = with_faults(SimulatedHardware(self.world, waits=False).hardware)
+        self._link = _Switchboard()
+        self.app = RobotApp(hardware, self._link, self.clock, robot, np.random.default_rng(seed))
+        self.station: Station = build_station(
+            station, self.clock, 1, make_link=self._link.make, name_recording=lambda: recording
+        )
+        self._operator: Callable[[], None] = lambda: None
+        self.failures: list[str] = []
+        tasks = [*self.app.tasks(), *self.station.tasks(), Task(_OPERATOR, self._operate)]
+        self._runner = LockstepRunner(tasks, self.clock, self.world.advance_to, self._on_fault)
+        self.app.use_health(lambda: self._runner.health)
+        self.app.warm_up()
+
+    def use_operator(self, step: Callable[[], None]) -> None:
+        """`step` is called ten times a second."""
+        self._operator = step
+
+    def run(self, seconds: float) -> None:
+        self._runner.run_until(self.clock.now_s() + seconds)
+
+    def cut_link(self) -> None:
+        """The link goes dead and cannot be made again until `mend_link`."""
+        self._link.cut()
+
+    def mend_link(self) -> None:
+        self._link.whole = True
+
+    def close(self) -> None:
+        self.app.shut_down()
+        self.station.close()
+
+    def truth(self) -> RecordedTruth:
+        with tempfile.TemporaryDirectory() as folder:
+            write_truth(self.world, Path(folder))
+            return read_truth(Path(folder))
+
+    def _operate(self) -> None:
+        self._operator()
+
+    def _on_fault(self, row: Row, error: Exception) -> None:
+        self.failures.append(f"{row.name}: {error}")
+        self.app.on_fault(row, error)
+
+
+class _Switchboard:
+    """The robot's end of whatever loopback stands now."""
+
+    def __init__(self) -> None:
+        self.whole = True
+        self._robot: LoopbackLink | None = None
+        self.statistics = loopback_pair()[0].statistics
+
+    def make(self, host: str, port: int) -> Link:
+        if not self.whole:
+            raise LinkError(f"cannot connect to {host}:{port}: no answer in time")
+        self._robot, station = loopback_pair()
+        self.statistics = self._robot.statistics
+        return station
+
+    def cut(self) -> None:
+        self.whole = False
+        self.close()
+
+    @property
+    def connected(self) -> bool:
+        return self._robot is not None and self._robot.connected
+
+    def send(self, datagram: bytes) -> bool:
+        return self._robot is not None and self._robot.connected and self._robot.send(datagram)
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        return self._robot.receive(timeout_s) if self._robot is not None and self._robot.connected else None
+
+    def close(self) -> None:
+        if self._robot is not None:
+            self._robot.close()
+
+
+class Orders:
     """Gives the director's orders straight to the station."""
 
     def __init__(self, station: Station) -> None:
@@ -67,42 +154,20 @@ def run_mission(
     progress: Callable[[float], None],
     recording: Path | None = None,
 ) -> MissionResult:
-    """The demo's mission; `progress` is told the simulated seconds now and then."""
-    clock = ManualClock()
-    world = World(scenario, seed)
-    hardware = SimulatedHardware(world, waits=False).hardware
-    robot_end, station_end = loopback_pair()
-    app = RobotApp(hardware, robot_end, clock, robot, np.random.default_rng(seed))
-    ends: list[Link] = [station_end]
-    console = build_station(station, clock, 1, make_link=lambda *_: _take(ends), name_recording=lambda: recording)
-    director = Director(_Hands(console), scenario.goals_in_start_frame_m(), say)
-    operator = Task(_OPERATOR, lambda: director.step(console.view()))
-    runner = LockstepRunner([*app.tasks(), *console.tasks(), operator], clock, world.advance_to, _never)
-    app.use_health(lambda: runner.health)
-    app.warm_up()
+    """The demo's mission; `progress` is told the simulated seconds now and then.
+
+    Raises `RuntimeError` when a task of the robot or of the station failed: in a mission without faults that is a bug.
+    """
+    system = Lockstep(scenario, seed, robot, station, recording)
+    director = Director(Orders(system.station), scenario.goals_in_start_frame_m(), say)
+    system.use_operator(lambda: director.step(system.station.view()))
     try:
-        while director.outcome is None and clock.now_s() < _LONGEST_S:
-            runner.run_until(clock.now_s() + _SLICE_S)
-            progress(clock.now_s())
+        while director.outcome is None and system.clock.now_s() < _LONGEST_S and not system.failures:
+            system.run(_SLICE_S)
+            progress(system.clock.now_s())
     finally:
-        app.shut_down()
-        console.close()
-    outcome = director.outcome or Outcome(f"not finished after {_LONGEST_S:.0f} s", 0.0, clock.now_s())
-    return MissionResult(_truth(world), console.finish_mapping(), console.figures, outcome)
-
-
-def _take(ends: list[Link]) -> Link:
-    if not ends:
-        raise LinkError("loopback: the link can be made only once")
-    return ends.pop()
-
-
-def _truth(world: World) -> RecordedTruth:
-    with tempfile.TemporaryDirectory() as folder:
-        write_truth(world, Path(folder))
-        return read_truth(Path(folder))
-
-
-def _never(row: Row, error: Exception) -> None:
-    """In lock-step nothing may fail: a fault is a bug, and ends the mission where it is."""
-    raise error
+        system.close()
+    if system.failures:
+        raise RuntimeError(f"a task failed: {system.failures[0]}")
+    outcome = director.outcome or Outcome(f"not finished after {_LONGEST_S:.0f} s", 0.0, system.clock.now_s())
+    return MissionResult(system.truth(), system.station.finish_mapping(), system.station.figures, outcome)

@@ -1,0 +1,129 @@
+"""What happens when something fails in the middle of a mission: what moves stops first, and the operator reads why."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from shared.messages import MissionState, StopReason, Telemetry
+from station_gui.comms.state import LinkState
+from tools.simulator.faults import FaultKind
+from tools.simulator.lockstep import Lockstep
+
+STANDS_MPS = 0.01
+
+
+def telemetry(system: Lockstep) -> Telemetry:
+    seen = system.station.view().telemetry
+    assert seen is not None
+    return seen
+
+
+def time_to_stand_s(system: Lockstep, longest_s: float = 3.0) -> float:
+    began_s = system.clock.now_s()
+    while abs(system.world.speed_mps()) > STANDS_MPS:
+        system.run(0.02)
+        assert system.clock.now_s() - began_s < longest_s, "the car goes on"
+    return system.clock.now_s() - began_s
+
+
+@pytest.mark.parametrize("device", ["scanner", "imu", "encoders"])
+@pytest.mark.parametrize("kind", [FaultKind.UNPLUGGED, FaultKind.SILENT])
+def test_without_a_sensor_it_needs_the_car_stands_and_goes_on_when_it_is_back(
+    driving: Lockstep, device: str, kind: FaultKind
+) -> None:
+    fault = getattr(driving.faults, device)
+    fault.kind = kind
+    # The limit of age (0.2 s for scans, which are up to 0.1 s old when they come) and the braking itself.
+    assert time_to_stand_s(driving) < 0.5
+    driving.run(0.5)
+    assert telemetry(driving).stop_reason in {StopReason.DEVICE_FAULT, StopReason.SENSOR_STALE}
+    fault.kind = FaultKind.NONE
+    driving.run(3.0)
+    assert telemetry(driving).stop_reason is StopReason.NONE
+    assert driving.world.speed_mps() > 0.05
+    assert driving.world.collisions.count == 0
+
+
+def test_an_unplugged_device_is_named_to_the_operator(driving: Lockstep) -> None:
+    driving.faults.scanner.kind = FaultKind.UNPLUGGED
+    driving.run(0.5)
+    assert "scan: scanner: is unplugged" in telemetry(driving).faults
+    assert any("scanner: is unplugged" in entry.text for entry in driving.station.log_since(0))
+
+
+@pytest.mark.parametrize("device", ["camera", "power", "thermometer"])
+def test_without_a_device_it_can_do_without_the_robot_goes_on(driving: Lockstep, device: str) -> None:
+    getattr(driving.faults, device).kind = FaultKind.UNPLUGGED
+    driving.run(2.5)
+    assert driving.world.speed_mps() > 0.05
+    assert telemetry(driving).state is MissionState.OBSERVE
+    assert any("is unplugged" in fault for fault in telemetry(driving).faults)
+
+
+def test_a_dead_link_stops_the_car_and_the_mission_goes_on_when_it_is_back(driving: Lockstep) -> None:
+    driving.cut_link()
+    assert time_to_stand_s(driving) < 1.5  # a second of silence, and the braking
+    assert driving.station.view().link_state is LinkState.LOST
+    driving.run(3.0)
+    driving.mend_link()
+    driving.run(6.0)
+    assert driving.station.view().link_state is LinkState.CONNECTED
+    assert telemetry(driving).state is MissionState.OBSERVE
+    assert driving.world.speed_mps() > 0.05
+    assert driving.world.collisions.count == 0
+
+
+def test_a_link_that_stays_dead_ends_the_mission(driving: Lockstep) -> None:
+    driving.cut_link()
+    driving.run(17.0)
+    driving.mend_link()
+    driving.run(5.0)
+    assert (telemetry(driving).state, telemetry(driving).stop_reason) == (
+        MissionState.HALTED,
+        StopReason.COMMAND_SILENCE,
+    )
+    assert abs(driving.world.speed_mps()) < STANDS_MPS
+
+
+def test_an_emergency_stop_cuts_the_motor_at_once(driving: Lockstep) -> None:
+    driving.station.emergency_stop()
+    assert time_to_stand_s(driving) < 0.5  # the shorted motor brakes the car from 0.25 m/s
+    driving.run(0.5)
+    assert telemetry(driving).stop_reason is StopReason.EMERGENCY
+
+
+def test_a_stopped_mission_can_be_started_again_and_the_map_goes_on(driving: Lockstep) -> None:
+    driving.station.stop()
+    time_to_stand_s(driving)
+    driving.run(0.3)
+    before = driving.station.view().snapshot
+    driving.station.start()
+    driving.run(3.0)
+    after = driving.station.view().snapshot
+    assert driving.world.speed_mps() > 0.05
+    assert before is not None
+    assert after is not None
+    assert after.observations > before.observations
+
+
+def test_driving_by_hand_refuses_to_hit_a_wall(make_system: Callable[..., Lockstep]) -> None:
+    system = make_system()
+    system.station.connect("loopback", 0)
+    system.run(3.0)
+    system.station.start()
+    system.run(0.5)
+    system.use_operator(lambda: system.station.drive(0.4, 0.0))
+    system.run(12.0)
+    assert system.world.collisions.count == 0
+    assert system.truth().distance_m > 0.5
+
+
+def test_a_robot_that_is_idle_does_not_move(make_system: Callable[..., Lockstep]) -> None:
+    system = make_system()
+    system.station.connect("loopback", 0)
+    system.use_operator(lambda: system.station.drive(0.4, 0.0))
+    system.run(3.0)
+    assert system.truth().distance_m < 0.005
+    assert any("press start before driving by hand" in entry.text for entry in system.station.log_since(0))

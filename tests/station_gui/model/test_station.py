@@ -1,0 +1,244 @@
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shared.geometry.rays import cast_rays
+from shared.geometry.se2 import Pose2
+from shared.link.loopback import LoopbackLink, loopback_pair
+from shared.messages import (
+    Ack,
+    GoTo,
+    Heartbeat,
+    MissionState,
+    NumberedCommand,
+    ObjectNetwork,
+    Observation,
+    Report,
+    Start,
+    Stop,
+    StopReason,
+)
+from shared.protocol.codec import Decoder, encode
+from shared.recording import MissionReader
+from shared.runtime.clock import ManualClock
+from shared.runtime.runner import LockstepRunner
+from station_gui.build import build_station
+from station_gui.comms.state import LinkState
+from station_gui.config import load_config
+from station_gui.model.station import Station
+from tests.shared import samples
+
+ROOM = np.array(  # x0, y0, x1, y1 of its walls
+    [[-1, -1, 3, -1], [3, -1, 3, 2], [3, 2, -1, 2], [-1, 2, -1, -1], [2, -1, 2, 0]], np.float64
+)
+
+
+def observation(sequence: int, pose: Pose2) -> Observation:
+    """A perfect scan of the room."""
+    geometry = dataclasses.replace(samples.GEOMETRY, beam_interval_s=0.0)
+    scanner = pose @ geometry.robot_from_scanner
+    angles = geometry.angles_rad(227) + scanner.theta_rad
+    ranges = np.empty(len(angles))
+    cast_rays(scanner.x_m, scanner.y_m, angles, ROOM, geometry.range_max_m, ranges)
+    return Observation(
+        sequence, sequence / 10, pose, 0.0, 0.0, geometry, ranges.astype(np.float32), ObjectNetwork(), has_objects=False
+    )
+
+
+class Scene:
+    """A station and the robot's end of its link, on one clock."""
+
+    def __init__(self, recording: Path | None) -> None:
+        self.clock = ManualClock()
+        self.robot: LoopbackLink | None = None
+        self.station: Station = build_station(
+            load_config(None), self.clock, 1, make_link=self._make_link, name_recording=lambda: recording
+        )
+        self.runner = LockstepRunner(self.station.tasks(), self.clock, lambda _: None, self._fail)
+
+    def _make_link(self, host: str, port: int) -> LoopbackLink:
+        self.robot, station = loopback_pair()
+        return station
+
+    @staticmethod
+    def _fail(row: object, error: Exception) -> None:
+        raise error
+
+    def run(self, seconds: float) -> None:
+        self.runner.run_until(self.clock.now_s() + seconds)
+
+    def send(self, *reports: Report) -> None:
+        assert self.robot is not None
+        for report in reports:
+            assert self.robot.send(encode(report))
+        self.run(0.1)
+
+    def commands(self) -> list[NumberedCommand]:
+        assert self.robot is not None
+        found = []
+        while (datagram := self.robot.receive(0.0)) is not None:
+            message = Decoder().decode(datagram)
+            assert isinstance(message, NumberedCommand)
+            if not isinstance(message.command, Heartbeat):
+                found.append(message)
+                self.robot.send(encode(Ack(message.number, True)))
+        return found
+
+    def log(self) -> str:
+        return "\n".join(entry.text for entry in self.station.log_since(0))
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Iterator[Scene]:
+    scene = Scene(tmp_path / "m.mcap")
+    scene.station.connect("robot", 47100)
+    scene.run(0.1)
+    yield scene
+    scene.station.close()
+
+
+def with_map(scene: Scene, scans: int = 12) -> Scene:
+    for i in range(scans):
+        scene.send(observation(i, Pose2(0.04 * i, 0.0, 0.0)))
+    scene.send(samples.telemetry(state=MissionState.COMMAND, stamp_s=2.0, faults=()))
+    return scene
+
+
+def test_a_station_that_was_not_connected_shows_nothing_and_sends_nothing() -> None:
+    scene = Scene(None)
+    scene.station.start()
+    view = scene.station.view()
+    assert view.link_state is LinkState.DISCONNECTED
+    assert view.telemetry is None
+    assert view.snapshot is None
+    assert "Start was not sent: there is no connection" in scene.log()
+
+
+def test_observations_become_a_map(scene: Scene) -> None:
+    with_map(scene)
+    view = scene.station.view()
+    assert view.snapshot is not None
+    assert view.snapshot.observations == 12
+    assert view.snapshot.map_from_robot.x_m == pytest.approx(0.44, abs=0.01)
+    assert len(view.snapshot.grid.occupied_m()) > 100
+    assert view.link.observations_hz > 0
+
+
+def test_buttons_become_commands(scene: Scene) -> None:
+    scene.station.start()
+    scene.station.stop()
+    scene.run(0.1)
+    assert [m.command for m in scene.commands()] == [Start(), Stop()]
+
+
+def test_a_goal_becomes_a_path_in_the_robots_frame(scene: Scene) -> None:
+    with_map(scene)
+    scene.station.go_to(1.4, 1.2)
+    scene.run(0.3)
+    orders = [m.command for m in scene.commands() if isinstance(m.command, GoTo)]
+    assert len(orders) == 1
+    assert math.dist(orders[0].path[-1, :2].tolist(), (1.4, 1.2)) < 0.05
+    view = scene.station.view()
+    assert view.goal_m == (1.4, 1.2)
+    assert view.path_m is not None
+
+
+@pytest.mark.parametrize(
+    ("goal", "reason"), [((10.0, 10.0), "outside the map"), ((1.995, -0.4), "obstacle"), ((math.nan, 0.0), "place")]
+)
+def test_a_goal_that_cannot_be_reached_is_refused_with_its_reason(
+    scene: Scene, goal: tuple[float, float], reason: str
+) -> None:
+    with_map(scene)
+    scene.station.go_to(*goal)
+    scene.run(0.3)
+    assert reason in scene.log()
+    assert scene.station.view().goal_m is None
+    assert not [m for m in scene.commands() if isinstance(m.command, GoTo)]
+
+
+def test_a_goal_before_the_observation_has_finished_is_refused(scene: Scene) -> None:
+    with_map(scene)
+    scene.send(samples.telemetry(state=MissionState.OBSERVE, stamp_s=2.2))
+    scene.station.go_to(1.4, 1.2)
+    scene.run(0.3)
+    assert "once the observation has finished" in scene.log()
+
+
+def test_a_goal_is_reached_when_the_robot_stands_there(scene: Scene) -> None:
+    with_map(scene)
+    scene.station.go_to(1.4, 1.2)
+    scene.run(0.3)
+    scene.send(observation(40, Pose2(1.4, 1.2, 1.0)))
+    for i in range(12):
+        scene.send(samples.telemetry(state=MissionState.COMMAND, stamp_s=4.0 + i / 4, following_goal=0, faults=()))
+    assert "goal reached" in scene.log()
+    assert scene.station.view().goal_m is None
+
+
+def test_an_observation_that_comes_twice_counts_once(scene: Scene) -> None:
+    for i in (0, 1, 1, 0, 2):
+        scene.send(observation(i, Pose2(0.04 * i, 0.0, 0.0)))
+    snapshot = scene.station.view().snapshot
+    assert snapshot is not None
+    assert snapshot.observations == 3
+
+
+def test_a_robot_that_was_restarted_begins_a_new_map(scene: Scene) -> None:
+    with_map(scene, scans=15)
+    scene.send(observation(0, Pose2()))
+    snapshot = scene.station.view().snapshot
+    assert snapshot is not None
+    assert snapshot.observations == 1
+    assert "restarted" in scene.log()
+
+
+def test_an_observation_from_the_moon_is_refused_and_the_map_stays(scene: Scene) -> None:
+    with_map(scene)
+    scene.send(dataclasses.replace(observation(20, Pose2()), odom_from_robot=Pose2(4e8, 0.0, 0.0)))
+    snapshot = scene.station.view().snapshot
+    assert snapshot is not None
+    assert snapshot.observations == 12
+    assert "the last map stays" in scene.log()
+
+
+def test_every_change_of_the_mission_is_logged_once(scene: Scene) -> None:
+    for stamp in (1.0, 1.2):
+        scene.send(
+            samples.telemetry(
+                state=MissionState.HALTED, stop_reason=StopReason.LOW_BATTERY, stamp_s=stamp, faults=("scanner: lost",)
+            )
+        )
+    assert scene.log().count("mission: halted, stopped: low battery") == 1
+    assert scene.log().count("robot: scanner: lost") == 1
+
+
+def test_everything_received_is_recorded(scene: Scene, tmp_path: Path) -> None:
+    with_map(scene)
+    scene.station.close()
+    messages = [Decoder().decode(r.datagram) for r in MissionReader(tmp_path / "m.mcap")]
+    assert sum(isinstance(m, Observation) for m in messages) == 12
+    assert len(messages) == 13
+
+
+def test_disconnecting_ends_the_recording(scene: Scene, tmp_path: Path) -> None:
+    with_map(scene)
+    scene.station.disconnect()
+    scene.run(0.1)
+    assert scene.station.view().recording == ""
+    reader = MissionReader(tmp_path / "m.mcap")
+    assert len(list(reader)) == 13
+    assert reader.truncated is None
+
+
+def test_looking_twice_at_one_map_counts_as_one_update(scene: Scene) -> None:
+    with_map(scene)
+    for _ in range(5):
+        scene.station.view()
+    assert scene.station.figures.updates_seen == 1
