@@ -49,6 +49,7 @@ class GraphSlam:
         self._unconfirmed: deque[Closure] = deque(maxlen=_MAX_UNCONFIRMED)
         self._closed: list[tuple[int, int]] = []
         self._revision = 0
+        self._grid_revision = 0  # that the grid was last drawn for
         self._node = 0
         self._local_from_node = np.zeros(3)
         self._pose = np.zeros(3)  # of the robot in the local map's frame
@@ -109,7 +110,9 @@ class GraphSlam:
     def grid(self) -> GridMap:
         poses = self._keyframe_places.poses(self._graph.poses)
         drawn = self._grid.consumed
-        self._grid.move(poses[:drawn])
+        if self._grid_revision != self._revision:
+            self._grid.move(poses[:drawn])
+            self._grid_revision = self._revision
         self._grid.add_all(self._keyframes[drawn:], poses[drawn:])
         return self._grid.snapshot()
 

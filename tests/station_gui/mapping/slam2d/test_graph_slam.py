@@ -14,6 +14,7 @@ from station_gui.mapping.scan import PointScan, to_points
 from station_gui.mapping.slam2d.base import MappingError, Slam
 from station_gui.mapping.slam2d.config import GraphSlamConfig, LoopConfig
 from station_gui.mapping.slam2d.graph_slam import GraphSlam
+from station_gui.mapping.slam2d.se2_arrays import between
 from tools.evaluate.slam import read_relations, relation_errors
 from tools.logs.carmen import CarmenReader
 
@@ -175,3 +176,24 @@ def test_the_first_part_of_the_intel_log_agrees_with_the_relations_made_by_hand(
     assert len(translation_m) > 40
     assert translation_m.mean() < 0.02
     assert np.degrees(rotation_rad).mean() < 0.35
+
+
+def test_a_robot_that_was_carried_off_begins_a_new_piece_of_map(
+    lab: FloatArray, scan_from: ScanMaker, lap: LapMaker
+) -> None:
+    """Its wheels did not turn meanwhile; the other room shares no shape with the lab."""
+    angle = np.linspace(0, math.tau, 40)
+    ring = np.column_stack((1.95 + 3 * np.cos(angle), 2.1 + 3.2 * np.sin(angle)))
+    other_room = np.vstack((np.hstack((ring[:-1], ring[1:])), [[3.4, 0.5, 4.0, 1.4], [0.2, 2.0, -0.4, 3.0]]))
+    first = _drive(lab, lap(60), scan_from)
+    second = _drive(other_room, lap(120) * 2, scan_from, seed=3)
+    slam = _run([*first, *second])
+
+    poses = slam.scan_poses()
+    truth = [pose.as_array() for pose in lap(120) * 2]
+    settled = len(first) + 60
+    for k in (80, 120, 200, 239):  # seen from a scan after the new piece began
+        moved = between(poses[settled], poses[len(first) + k])
+        np.testing.assert_allclose(moved, between(truth[60], truth[k]), atol=0.03)
+    before = np.array([pose.as_array() for pose in lap(60)])
+    assert float(np.hypot(*(poses[: len(first)] - before)[:, :2].T).max()) < 0.03
