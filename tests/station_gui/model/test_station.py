@@ -150,7 +150,7 @@ def test_a_goal_becomes_a_path_in_the_robots_frame(scene: Scene) -> None:
 
 
 @pytest.mark.parametrize(
-    ("goal", "reason"), [((10.0, 10.0), "outside the map"), ((1.995, -0.4), "obstacle"), ((math.nan, 0.0), "place")]
+    ("goal", "reason"), [((10.0, 10.0), "outside the map"), ((2.6, -0.7), "unknown"), ((math.nan, 0.0), "place")]
 )
 def test_a_goal_that_cannot_be_reached_is_refused_with_its_reason(
     scene: Scene, goal: tuple[float, float], reason: str
@@ -161,6 +161,15 @@ def test_a_goal_that_cannot_be_reached_is_refused_with_its_reason(
     assert reason in scene.log()
     assert scene.station.view().goal_m is None
     assert not [m for m in scene.commands() if isinstance(m.command, GoTo)]
+
+
+def test_a_goal_inside_of_something_is_refused(scene: Scene) -> None:
+    snapshot = with_map(scene).station.view().snapshot
+    assert snapshot is not None
+    x_m, y_m = snapshot.grid.occupied_m()[len(snapshot.grid.occupied_m()) // 2].tolist()
+    scene.station.go_to(x_m, y_m)
+    scene.run(0.3)
+    assert "inside an obstacle" in scene.log()
 
 
 def test_a_goal_before_the_observation_has_finished_is_refused(scene: Scene) -> None:
