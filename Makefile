@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV   := .venv
 READY  := $(VENV)/.ready
 
-.PHONY: help setup demo test lint lock clean
+.PHONY: help setup kernels demo test lint lock clean
 
 help:
 	@echo "make demo            the whole mission on the simulated robot, in the operator's window"
@@ -18,7 +18,10 @@ setup: $(READY)
 $(READY): tools/setup/install.sh tools/setup/system-packages.txt requirements/workstation.lock pyproject.toml
 	@PYTHON="$(PYTHON)" VENV="$(VENV)" sh tools/setup/install.sh
 
-demo: $(READY)
+kernels: $(READY)
+	@VENV="$(VENV)" sh tools/setup/drop_stale_kernels.sh
+
+demo: $(READY) kernels
 	@HEADLESS="$(HEADLESS)" $(VENV)/bin/python -m tools.demo
 
 lint: $(READY)
@@ -27,7 +30,7 @@ lint: $(READY)
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports
 
-test: lint
+test: lint kernels
 	$(VENV)/bin/python -m pytest
 
 lock:
