@@ -48,6 +48,7 @@ class MatchConfig:
     doubtful_share: float = 0.8  # below this share of inliers the neighbourhood is searched
     better_share: float = 0.05  # what the search must win to be believed against the prediction
     lost_share: float = 0.3  # below this the odometry is believed
+    regained_share: float = 0.6  # and once lost a scan must fit this well to be found again
     patience_scans: int = 20  # lost for longer than this a new piece of map begins
     noise_m: float = 0.03  # of one residual, beams of one wall being correlated
     odometry_shift_m: float = 0.03  # prior: fixed part and part of the way

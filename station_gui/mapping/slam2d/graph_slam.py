@@ -130,12 +130,12 @@ class GraphSlam:
         match = self._match(lines, motion)
         self._pose = match.pose
         self._count_way(before)
-        if match.share >= self._config.match.lost_share:
+        if match.share >= self._needed_share():
             self._lost_scans = 0
         elif len(lines.points_m) >= self._config.match.min_points:
             self._lost_scans += 1
             if self._lost_scans > self._config.match.patience_scans:
-                self._start_over(scan, lines, match)
+                self._start_over(scan, lines)
             return
         if self._node_is_full():
             self._next_node(match)
@@ -152,9 +152,14 @@ class GraphSlam:
         if len(lines.points_m) < config.min_points:
             return Match(predicted, np.diag(weight), 0.0, 0.0)
         match = self._matcher.match(lines, self._local.current, predicted, weight)
-        if match.share < config.lost_share or not np.isfinite(match.pose).all():
+        if match.share < self._needed_share() or not np.isfinite(match.pose).all():
             return Match(predicted, np.diag(weight), match.share, 0.0)
         return match
+
+    def _needed_share(self) -> float:
+        """Of points that fit, for a match to be believed: more once the robot is lost, where chance fits abound."""
+        config = self._config.match
+        return config.regained_share if self._lost_scans else config.lost_share
 
     def _count_way(self, before: NDArray[np.float64]) -> None:
         step = between(before, self._pose)
@@ -178,7 +183,7 @@ class GraphSlam:
         self._graph.add_edge(before, self._node, measured, information, max(way_m, 0.1), robust=False)
         self._jobs.extend(self._closer.candidates(self._graph, before))
 
-    def _start_over(self, scan: PointScan, lines: LineScan, match: Match) -> None:
+    def _start_over(self, scan: PointScan, lines: LineScan) -> None:
         """Lost for good: a new piece of map, held to the old one by odometry until a loop joins them."""
         config = self._config
         measured = self._pose_in_node()
@@ -186,7 +191,8 @@ class GraphSlam:
         before = self._node
         self._new_node()
         information = np.diag(1.0 / np.square([shift, shift, turn]))
-        self._graph.add_edge(before, self._node, measured, information, config.local_map.graph_reach_m, robust=False)
+        apart_m = 2 * config.local_map.graph_reach_m  # so that the old piece stays out of the local map
+        self._graph.add_edge(before, self._node, measured, information, apart_m, robust=False)
         self._local.begin(self._graph, self._by_node, self._node, self._map_pose())
         while not self._local.step():
             pass
