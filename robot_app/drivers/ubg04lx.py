@@ -1,0 +1,209 @@
+"""Hokuyo UBG-04LX-F01 over USB or RS-232: scans as they are measured, by MS of SCIP 2.0."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_app.drivers.arrival import ArrivalFilter, WrappingCounter
+from robot_app.drivers.base import DeviceError, RawScan
+from robot_app.drivers.config import ScannerConfig
+from robot_app.drivers.lost import Reopening
+from robot_app.drivers.scip import OK, RESUMED, STREAMED, ScanDecoder, parse_reply, status_name
+from robot_app.drivers.scip_client import ScannerIdentity, ScannerParameters, ScipClient
+from robot_app.drivers.serial_line import SerialLine
+from shared.geometry.se2 import Pose2
+from shared.messages import ScanGeometry
+from shared.runtime.clock import Clock
+
+_log = logging.getLogger(__name__)
+_CHARACTERS = 2  # of a value: up to 4095 mm, all that a 4 m scanner needs, and two thirds of the bytes
+_COUNTER_BITS, _COUNTER_TICK_S = 24, 0.001
+_BITS_PER_BYTE = 10  # on an RS-232 line
+_USB_TRANSFER_S = 0.0015  # of 1435 bytes at full speed, with its 1 ms frames
+_HARDWARE_TROUBLE = range(50, 98)
+
+
+@dataclass(slots=True)
+class ScanCounters:
+    """`skipped`: good scans that a newer one overtook before anybody read them."""
+
+    read: int = 0
+    skipped: int = 0
+    corrupt: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Scan:
+    arrived_s: float
+    values_mm: NDArray[np.int32]
+
+
+class Ubg04lx:
+    """The newest scan only.
+
+    The scanner sends a scan when its last beam is measured. The stamp, that of beam 0, is the arrival less the
+    transfer and the time the mirror takes from the first beam to the last; the arrival is freed of the host's
+    delays by the scanner's own millisecond counter.
+    """
+
+    def __init__(self, config: ScannerConfig, clock: Clock) -> None:
+        self._config = config
+        self._clock = clock
+        self._reopening = Reopening(clock, config.reopen_every_s)
+        self._closed = False
+        self._client: ScipClient | None = None
+        self.counters = ScanCounters()
+        self._start()
+        self._geometry = _geometry(self._parameters, config)
+
+    @property
+    def geometry(self) -> ScanGeometry:
+        return self._geometry
+
+    @property
+    def parameters(self) -> ScannerParameters:
+        return self._parameters
+
+    @property
+    def identity(self) -> ScannerIdentity:
+        return self._identity
+
+    def read(self, timeout_s: float) -> RawScan | None:
+        """After a loss the read raises `DeviceError`, and a later one opens the port again."""
+        if self._closed:
+            raise DeviceError(f"scanner at {self._config.port}: is closed")
+        self._reopening.check_due()
+        try:
+            if self._client is None:
+                self._restart()
+            scan = self._newest(timeout_s)
+        except DeviceError as error:
+            self._drop()
+            self._reopening.lost(error)
+            raise
+        return None if scan is None else self._raw(scan)
+
+    def close(self) -> None:
+        self._closed = True
+        self._drop()
+
+    def _start(self) -> None:
+        line = SerialLine("scanner", self._config.port, self._config.baud_rate)
+        self._client = ScipClient(line, self._clock, self._config.answer_timeout_s)
+        try:
+            self._begin_streaming(self._client)
+            self._last_read_s = self._clock.now_s()
+            self._good_s = self._last_read_s + self._config.start_up_s
+            if self._newest(self._config.start_up_s) is None:
+                raise DeviceError(f"{line.name}: sends no scans; does its mirror turn?")
+        except DeviceError:
+            self._drop()
+            raise
+
+    def _begin_streaming(self, client: ScipClient) -> None:
+        client.find(self._config.baud_rate)
+        self._identity = client.identity()
+        self._parameters = p = client.parameters()
+        self._decoder = ScanDecoder(p.beams, _CHARACTERS)
+        self._arrival = ArrivalFilter()
+        self._counter = WrappingCounter(_COUNTER_BITS, _COUNTER_TICK_S)
+        client.laser_on()
+        self._request = b"MS%04d%04d010" % (p.first_step, p.last_step)  # every step, every scan
+        client.ask(self._request.decode("ascii") + "00")  # until QT
+
+    def _restart(self) -> None:
+        before = self._parameters
+        self._start()
+        if self._parameters != before:
+            raise DeviceError(f"scanner at {self._config.port}: another scanner is connected; start the app again")
+        self._reopening.found()
+        _log.warning("scanner at %s: is back", self._config.port)
+
+    def _drop(self) -> None:
+        client, self._client = self._client, None
+        if client is not None:
+            with contextlib.suppress(DeviceError):
+                client.send_quit()
+            client.close()
+
+    def _newest(self, timeout_s: float) -> _Scan | None:
+        assert self._client is not None
+        now_s = self._clock.now_s()
+        due_s = now_s + timeout_s
+        if now_s - self._last_read_s > self._config.silence_s / 2:
+            self._good_s = now_s  # nobody has listened meanwhile; that is not the scanner's silence
+        while True:
+            blocks = self._client.receive(due_s - now_s)
+            scan = self._newest_of(blocks or [])
+            self._last_read_s = now_s = self._clock.now_s()
+            if scan is not None:
+                self._good_s = now_s
+                return scan
+            if blocks is None or now_s >= due_s:
+                self._check_silence(now_s)
+                return None
+
+    def _check_silence(self, now_s: float) -> None:
+        if now_s - self._good_s > self._config.silence_s:
+            raise DeviceError(f"scanner at {self._config.port}: no good scan any more; are cable and supply in order?")
+
+    def _newest_of(self, blocks: list[bytes]) -> _Scan | None:
+        arrived_s = self._clock.now_s()
+        newest: _Scan | None = None
+        for block in reversed(blocks):  # only the newest good one is decoded
+            reply = parse_reply(block, self._request)
+            if reply is None:
+                self.counters.corrupt += 1
+            elif reply.status != STREAMED:
+                self._judge(reply.status)
+            elif newest is not None:
+                self.counters.skipped += 1
+            else:
+                newest = self._decoded(reply.body, arrived_s)
+        return newest
+
+    def _decoded(self, body: bytes, arrived_s: float) -> _Scan | None:
+        block = self._decoder.decode(body)
+        if block is None:
+            self.counters.corrupt += 1
+            return None
+        self.counters.read += 1
+        device_s = self._counter.seconds(block.time_ms)
+        return _Scan(self._arrival.arrival_s(device_s, arrived_s), block.values)
+
+    def _judge(self, status: bytes) -> None:
+        if status in {OK, RESUMED}:
+            return
+        text = f"scanner at {self._config.port}: {status_name('MS', status)}"
+        if status.isdigit() and int(status) in _HARDWARE_TROUBLE:
+            raise DeviceError(text)
+        _log.warning("%s", text)
+
+    def _raw(self, scan: _Scan) -> RawScan:
+        ranges_m = (scan.values_mm / 1000).astype(np.float32)
+        ranges_m[scan.values_mm < self._parameters.range_min_mm] = np.nan  # these are error codes
+        sweep_s = (self._parameters.beams - 1) * self._geometry.beam_interval_s
+        return RawScan(scan.arrived_s - self._transfer_s() - sweep_s, ranges_m)
+
+    def _transfer_s(self) -> float:
+        if "ACM" in Path(self._config.port).resolve().name:
+            return _USB_TRANSFER_S
+        return self._decoder.reply_bytes * _BITS_PER_BYTE / self._config.baud_rate
+
+
+def _geometry(p: ScannerParameters, config: ScannerConfig) -> ScanGeometry:
+    period_s = 60.0 / p.turns_per_minute if p.turns_per_minute > 0 else config.period_s
+    return ScanGeometry(
+        first_angle_rad=(p.first_step - p.front_step) * p.step_rad,
+        step_rad=p.step_rad,
+        beam_interval_s=period_s / p.steps_per_turn,
+        range_min_m=max(config.range_min_m, p.range_min_mm * 1e-3),
+        range_max_m=min(config.range_max_m, p.range_max_mm * 1e-3),
+        robot_from_scanner=Pose2(config.x_m, config.y_m, config.theta_rad),
+    )
