@@ -19,7 +19,7 @@ $(READY): tools/setup/install.sh tools/setup/system-packages.txt requirements/wo
 	@PYTHON="$(PYTHON)" VENV="$(VENV)" sh tools/setup/install.sh
 
 kernels: $(READY)
-	@VENV="$(VENV)" sh tools/setup/drop_stale_kernels.sh
+	@VENV="$(VENV)" sh tools/setup/compile_kernels.sh
 
 demo: $(READY) kernels
 	@HEADLESS="$(HEADLESS)" $(VENV)/bin/python -m tools.demo

@@ -8,6 +8,7 @@ from pathlib import Path
 from robot_app.control.obstacle_avoidance import AvoidanceConfig
 from robot_app.control.obstacle_memory import ObstacleMemoryConfig
 from robot_app.control.path_follower import PathFollowerConfig
+from robot_app.control.seen_ground import SeenGroundConfig
 from robot_app.control.speed import SpeedConfig
 from robot_app.control.wall_follower import WallFollowerConfig
 from robot_app.mission import MissionConfig
@@ -35,6 +36,7 @@ class LinkConfig:
 @dataclass(frozen=True, slots=True)
 class ControlConfig:
     memory: ObstacleMemoryConfig = field(default_factory=ObstacleMemoryConfig)
+    ground: SeenGroundConfig = field(default_factory=SeenGroundConfig)
     wall: WallFollowerConfig = field(default_factory=WallFollowerConfig)
     path: PathFollowerConfig = field(default_factory=PathFollowerConfig)
     avoidance: AvoidanceConfig = field(default_factory=AvoidanceConfig)

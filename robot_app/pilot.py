@@ -12,6 +12,7 @@ from robot_app.control.motion import STAND_STILL, Motion
 from robot_app.control.obstacle_avoidance import AvoidanceState, Avoided, ObstacleAvoidance, Wish
 from robot_app.control.obstacle_memory import ObstacleMemory
 from robot_app.control.path_follower import PathFollower, PathState
+from robot_app.control.seen_ground import SeenGround
 from robot_app.control.speed import SpeedController
 from robot_app.control.wall_follower import WallFollower, WallState
 from robot_app.drivers.base import DriveSetting, RawScan
@@ -43,6 +44,7 @@ class Pilot:
         self._mission = mission
         self._odometry = odometry
         self._memory = ObstacleMemory(config.memory)
+        self._ground = SeenGround(car, config.ground)
         self._wall = WallFollower(config.wall)
         self._path: PathFollower | None = None
         self._avoidance = ObstacleAvoidance(car, config.avoidance)
@@ -72,6 +74,7 @@ class Pilot:
         self._memory.add_scan(
             scan.stamp_s, scan.ranges_m, geometry, seen.odom_from_robot, seen.speed_mps, seen.yaw_rate_radps
         )
+        self._ground.add_scan(scan.ranges_m, geometry, seen.odom_from_robot)
 
     def step(self, now_s: float, may_move: bool) -> DriveSetting:
         """What the motor and the servo are to do now."""
@@ -101,7 +104,10 @@ class Pilot:
         pose = state.odom_from_robot
         self._points_m = self._memory.points_m(now_s, pose)
         wish = self._wish(now_s, behaviour, state)
-        self._avoided = self._avoidance.step(now_s, wish, self._points_m, pose, state.speed_mps, self._steering_rad)
+        unseen_m = self._ground.unseen_m(pose)
+        self._avoided = self._avoidance.step(
+            now_s, wish, self._points_m, pose, state.speed_mps, self._steering_rad, unseen_m
+        )
         return self._avoided.motion
 
     def _wish(self, now_s: float, behaviour: Behaviour, state: OdometryState) -> Wish:

@@ -1,0 +1,42 @@
+"""Compiles every kernel into its cache by running a few seconds of a mission; `make` calls it when one has changed."""
+
+from __future__ import annotations
+
+import logging
+import sys
+import time
+
+import numpy as np
+
+from robot_app.config import load_config as load_robot
+from shared.geometry.se2 import Pose2
+from station_gui.config import load_config as load_station
+from station_gui.mapping.snapshot import GridMap
+from station_gui.planning.path_planner import PathPlanner
+from tools.simulator.lockstep import Lockstep
+from tools.simulator.scenario import find_scenario
+
+_STAND_S, _DRIVE_S = 0.5, 2.0
+
+
+def main() -> int:
+    """Quiet but for one line."""
+    print("compiling kernels (half a minute or so, once) ...", flush=True)
+    logging.disable(logging.WARNING)
+    began_s = time.monotonic()
+    station = load_station(None)
+    system = Lockstep(find_scenario("lab"), 1, load_robot(None), station)
+    system.station.connect("loopback", 0)
+    system.run(_STAND_S)
+    system.station.start()
+    system.run(_DRIVE_S)
+    system.close()
+    system.station.finish_mapping()
+    free = GridMap(np.zeros((150, 150), np.float32), (-1.5, -1.5), 0.02)
+    PathPlanner(station.car, station.planner).plan(free, Pose2(), (0.7, 0.3))
+    print(f"compiled in {time.monotonic() - began_s:.0f} s")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
