@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw, ImageFilter, ImageFont
 
 from station_gui.mapping.snapshot import OCCUPIED_PROBABILITY, GridMap
 
@@ -54,9 +54,11 @@ def draw_map(
 ) -> None:
     """Write a PNG. `trajectory`: (K, 4) stamp, x, y, theta; `closures`: (L, 2) indices into it."""
     frame, shown = _fit(grid)
-    picture = _shade(shown).resize(
-        (frame.width_px * _OVERSAMPLING, frame.height_px * _OVERSAMPLING), _filter(frame, grid)
-    )
+    shade = _shade(shown)
+    if frame.px_per_m * grid.cell_m < 1:
+        shade = shade.filter(ImageFilter.MinFilter(3))  # walls of one cell must not vanish between the pixels
+    size = (frame.width_px * _OVERSAMPLING, frame.height_px * _OVERSAMPLING)
+    picture = shade.resize(size, _filter(frame, grid))
     _draw_way(ImageDraw.Draw(picture, "RGBA"), frame, trajectory, closures)
     picture = picture.resize((frame.width_px, frame.height_px), Image.Resampling.LANCZOS)
     page = Image.new(
@@ -116,7 +118,7 @@ def _shade(probability: FloatArray) -> Image.Image:
 
 
 def _filter(frame: _Frame, grid: GridMap) -> Image.Resampling:
-    """Cells stay square when enlarged; when reduced, walls must not vanish between the pixels."""
+    """Cells stay square when enlarged; when reduced, none is left out."""
     enlarged = frame.px_per_m * grid.cell_m * _OVERSAMPLING >= 1
     return Image.Resampling.NEAREST if enlarged else Image.Resampling.BOX
 
@@ -137,8 +139,8 @@ def _draw_way(draw: ImageDraw.ImageDraw, frame: _Frame, trajectory: FloatArray, 
 
 
 def _draw_scale(draw: ImageDraw.ImageDraw, frame: _Frame, left: float, y: float) -> None:
-    """A bar of 1, 2 or 5 times a power of ten metres, about a sixth of the picture."""
-    wanted_m = max(frame.width_px, 400) / 6 / frame.px_per_m
+    """A bar of 1, 2 or 5 times a power of ten metres, up to a fifth of the picture."""
+    wanted_m = max(frame.width_px, 400) / 5 / frame.px_per_m
     decade = 10.0 ** math.floor(math.log10(wanted_m))
     length_m = next(step * decade for step in (5, 2, 1) if step * decade <= wanted_m)
     right = left + length_m * frame.px_per_m
