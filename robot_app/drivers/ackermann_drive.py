@@ -1,0 +1,95 @@
+"""Steering servo and H-bridge of the car: two hardware PWM channels and two direction lines."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+from contextlib import ExitStack
+
+from robot_app.drivers.base import DeviceError, DriveSetting
+from robot_app.drivers.config import DriveConfig
+from robot_app.drivers.gpio import GpioOutputs
+from robot_app.drivers.sysfs_pwm import SysfsPwm
+from shared.geometry.ackermann import CarGeometry
+from shared.runtime.clock import Clock
+
+_log = logging.getLogger(__name__)
+_SERVO_PERIOD_NS = 20_000_000  # 50 Hz
+
+
+class AckermannDrive:
+    """Opens with the motor cut and the wheels straight.
+
+    The kernel's PWM goes on when the process is killed: `stop` cannot run then, and the motor must be cut by
+    whoever has started the app, for instance in `ExecStopPost=` of its unit.
+    """
+
+    def __init__(self, config: DriveConfig, car: CarGeometry, clock: Clock) -> None:
+        self._config = config
+        self._max_steering_rad = car.max_steering_rad
+        self._centre_us = config.servo_centre_us + config.servo_trim_us
+        self._motor_period_ns = round(1e9 / config.motor_hz)
+        self._closed = False
+        self._is_forward: bool | None = None
+        with ExitStack() as opened:
+            self._motor = SysfsPwm("drive motor", config.pwm_chip, config.motor_channel, self._motor_period_ns, clock)
+            opened.callback(self._motor.close)
+            self._servo = SysfsPwm("drive servo", config.pwm_chip, config.servo_channel, _SERVO_PERIOD_NS, clock)
+            opened.callback(self._servo.close)
+            lines = (config.forward_line, config.reverse_line)
+            self._direction = GpioOutputs("drive direction", config.gpio_chip, lines)
+            opened.callback(self._direction.close)
+            self._steer(0.0)
+            self._devices = opened.pop_all()
+
+    def set(self, setting: DriveSetting) -> DriveSetting:
+        """Returns what was applied after the limits of duty, steering and servo."""
+        if self._closed:
+            raise DeviceError("drive: is closed")
+        if not (math.isfinite(setting.duty) and math.isfinite(setting.steering_rad)):
+            raise DeviceError(f"drive: cannot apply {setting}")
+        steering_rad = self._steer(setting.steering_rad)
+        limit = self._config.max_duty
+        duty = max(-limit, min(limit, setting.duty))
+        self._turn_motor(duty)
+        return DriveSetting(duty, steering_rad)
+
+    def stop(self) -> None:
+        """Cut the motor by each of its two inputs; one that fails does not keep the other from it."""
+        self._is_forward = None
+        if not self._closed:
+            self._try(lambda: self._motor.set_pulse_ns(0))
+            self._try(lambda: self._direction.set(False, False))
+
+    def close(self) -> None:
+        if not self._closed:
+            self.stop()
+            self._closed = True
+            self._devices.close()
+
+    def _steer(self, wanted_rad: float) -> float:
+        c = self._config
+        wanted_rad = max(-self._max_steering_rad, min(self._max_steering_rad, wanted_rad))
+        pulse_us = self._centre_us + c.servo_us_per_rad * wanted_rad
+        pulse_us = max(c.servo_min_us, min(c.servo_max_us, pulse_us))
+        self._servo.set_pulse_ns(round(pulse_us * 1000))
+        return (pulse_us - self._centre_us) / c.servo_us_per_rad
+
+    def _turn_motor(self, duty: float) -> None:
+        if duty == 0:
+            self._motor.set_pulse_ns(0)
+            return
+        is_forward = (duty > 0) != self._config.motor_reversed
+        if is_forward is not self._is_forward:
+            self._motor.set_pulse_ns(0)  # the bridge changes its direction without current
+            self._direction.set(is_forward, not is_forward)
+            self._is_forward = is_forward
+        self._motor.set_pulse_ns(round(abs(duty) * self._motor_period_ns))
+
+    @staticmethod
+    def _try(action: Callable[[], None]) -> None:
+        try:
+            action()
+        except DeviceError as error:
+            _log.error("the motor may not have been cut: %s", error)

@@ -1,0 +1,49 @@
+"""Output lines of a GPIO chip of the kernel."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from robot_app.drivers.base import DeviceError
+from robot_app.drivers.library import load_library
+
+
+def load_gpiod(device: str) -> Any:
+    """gpiod with its `line` module; version 1, which Debian 12 packages, is another interface."""
+    gpiod = load_library("gpiod", device)
+    if not hasattr(gpiod, "request_lines"):
+        raise DeviceError(f"{device}: this gpiod is the old version 1; run: pip install '.[robot]'")
+    load_library("gpiod.line", device)
+    return gpiod
+
+
+class GpioOutputs:
+    """A few lines, low at first and low again when closed."""
+
+    def __init__(self, name: str, chip: str, lines: tuple[int, ...]) -> None:
+        self._name = f"{name} at {chip}, lines {', '.join(map(str, lines))}"
+        self._lines = lines
+        gpiod = load_gpiod(name)
+        self._value = gpiod.line.Value
+        low = gpiod.LineSettings(direction=gpiod.line.Direction.OUTPUT, output_value=self._value.INACTIVE)
+        try:
+            self._request: Any = gpiod.request_lines(chip, consumer=f"robot-app {name}", config={lines: low})
+        except (OSError, ValueError) as error:
+            raise DeviceError(f"{self._name}: cannot be used: {error}") from error
+
+    def set(self, *high: bool) -> None:
+        request = self._request
+        if request is None:
+            raise DeviceError(f"{self._name}: is closed")
+        value = self._value
+        try:
+            request.set_values(
+                {n: value.ACTIVE if is_high else value.INACTIVE for n, is_high in zip(self._lines, high, strict=True)}
+            )
+        except (OSError, ValueError) as error:
+            raise DeviceError(f"{self._name}: cannot be set: {error}") from error
+
+    def close(self) -> None:
+        request, self._request = self._request, None
+        if request is not None:
+            request.release()
