@@ -39,7 +39,8 @@ def set_up_logging(verbose: bool) -> None:
         datefmt="%H:%M:%S",
         stream=sys.stderr,
     )
-    logging.getLogger("numba").setLevel(logging.WARNING)
+    for talkative in ("numba", "OpenGL"):
+        logging.getLogger(talkative).setLevel(logging.WARNING)
 
 
 def address(text: str) -> tuple[str, int]:

@@ -77,7 +77,11 @@ class GraphSlam:
         return Pose2.from_array(self._map_pose())
 
     def finish(self) -> None:
-        """Close the last loops and optimise once more."""
+        """Close the last loops, optimise once more, and draw the grid afresh.
+
+        Until then the grid depends a little, in its extent and in cells whose scans moved by a fraction of a cell,
+        on when it was asked for; after it on the scans alone.
+        """
         if self._graph.nodes == 0:
             return
         self._jobs.extend(self._closer.candidates(self._graph, self._node))
@@ -86,6 +90,7 @@ class GraphSlam:
         before = self._graph.poses.copy()
         self._graph.optimise()
         self._note_moves(before)
+        self._grid = OccupancyGrid(self._config.grid)
 
     def pose_of_scan(self, index: int) -> Pose2:
         node = self._graph.poses[self._scans.node_of(index)]
