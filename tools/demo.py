@@ -22,7 +22,7 @@ from pathlib import Path
 from shared.command_line import EXIT_FAILED, EXIT_OK, Refused, run, set_up_logging
 from station_gui.config import StationConfig, load_config
 from tools.simulator.scenario import Scenario, find_scenario
-from tools.simulator.truth import read_truth
+from tools.simulator.truth import SIMULATION_FILE, TRUTH_FILE, read_truth
 
 OUT = Path("out/demo")
 _SCENARIO, _SEED = "lab", 1
@@ -30,6 +30,10 @@ _READY_TIMEOUT_S = 120.0  # compiling takes a while the first time
 _END_TIMEOUT_S = 15.0
 _SCREEN = "1600x1000x24"
 _STEP_MS = 100
+_LEFT_BEHIND = (
+    "window.png", "map2d.png", "map3d.png", "mission.mcap", "summary.json", "simulator.log", "port.txt",
+    f"truth/{TRUTH_FILE}", f"truth/{SIMULATION_FILE}",
+)  # fmt: skip
 
 
 @contextmanager
@@ -96,7 +100,10 @@ def _play(config: StationConfig, scenario: Scenario, out: Path, say: _Say) -> in
             snapshot.grid, snapshot.trajectory, snapshot.closures, out / "map2d.png", title=f"Demo: {scenario.name}"
         )
     goal = scenario.goals[-1].position_m if scenario.goals else None
-    summary = summarise(read_truth(out / "truth"), snapshot, station.figures, outcome, goal).as_json()
+    truth = read_truth(out / "truth") if (out / "truth" / TRUTH_FILE).exists() else None
+    if truth is None:
+        say(f"the simulator has left no truth to compare with; see {out / 'simulator.log'}")
+    summary = summarise(truth, snapshot, station.figures, outcome, goal).as_json()
     (out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n", "utf-8")
     for key, value in summary.items():
         print(f"  {key:22} {value}")
@@ -124,16 +131,24 @@ def _on_virtual_display() -> int:
 
 
 def _work() -> int:
-    OUT.mkdir(parents=True, exist_ok=True)
     headless = os.environ.get("HEADLESS", "") not in {"", "0"}
     has_display = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
     say = _Say(time.monotonic())
     if "--virtual" in sys.argv[1:]:
+        _clear(OUT)
         logging.getLogger("station").setLevel(logging.INFO)
         return _play(load_config(None), find_scenario(_SCENARIO), OUT, say)
     if headless or not has_display:
         return _on_virtual_display()
+    _clear(OUT)
     return _show(load_config(None), OUT, say)
+
+
+def _clear(out: Path) -> None:
+    """What an earlier demo left must not be taken for this one's."""
+    out.mkdir(parents=True, exist_ok=True)
+    for name in _LEFT_BEHIND:
+        (out / name).unlink(missing_ok=True)
 
 
 def main() -> int:

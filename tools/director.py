@@ -16,6 +16,7 @@ _SETTLE_S = 3.0  # the gyro's bias is learnt while the robot stands
 _OBSERVE_TIMEOUT_S = 600.0
 _GO_TIMEOUT_S = 120.0
 _STOP_TIMEOUT_S = 10.0
+_LOST_TIMEOUT_S = 15.0
 _REPEAT_S = 2.0  # an order that has no effect is given again
 _LINGER_S = 1.0
 
@@ -59,6 +60,7 @@ class Director:
         self._since_s: float | None = None
         self._ordered_s = -math.inf
         self._began_s = 0.0
+        self._connected_s = 0.0
         self._goal_seen = False
         self._stopped = False
         self.outcome: Outcome | None = None
@@ -145,6 +147,9 @@ class Director:
         taken_s = now_s - self._entered_s
         if taken_s > limits.get(self._step, math.inf):
             return f"{self._step.value} took longer than {limits[self._step]:.0f} s"
+        self._connected_s = now_s if view.link_state is LinkState.CONNECTED else self._connected_s
+        if self._step is not Step.CONNECT and now_s - self._connected_s > _LOST_TIMEOUT_S:
+            return "the link to the robot was lost and did not come back"
         telemetry = view.telemetry
         running = self._step in {Step.OBSERVE, Step.GO}
         if running and telemetry is not None and telemetry.state is MissionState.HALTED:

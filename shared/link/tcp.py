@@ -224,9 +224,9 @@ def _select(reading: list[socket.socket], writing: list[socket.socket], timeout_
 
 def _reason(error: Exception) -> str:
     if isinstance(error, ConnectionRefusedError):
-        return "connection refused; is the robot on and does the port match its robot.toml?"
+        return "connection refused. Is the robot on, and is this the port in its robot.toml?"
     if isinstance(error, TimeoutError):
-        return "no answer in time; is the robot on and in the same network?"
+        return "no answer in time. Is the robot on and in the same network?"
     if isinstance(error, OverflowError):
         return "a port is a number from 0 to 65535"
     return str(getattr(error, "strerror", None) or error)

@@ -79,6 +79,7 @@ class Session:
         self._next_try_s = -math.inf
         self._back_off_s = config.reconnect_first_s
         self._told_version = False
+        self._told_refusal = ""  # a fault is told when it begins
         self.round_trip_s = math.nan
 
     @property
@@ -155,8 +156,9 @@ class Session:
         except LinkError as error:
             self._next_try_s = self._clock.now_s() + self._back_off_s
             self._back_off_s = min(2 * self._back_off_s, self._config.reconnect_last_s)
-            if generation == self._generation:
-                self._listener.on_event(Severity.ERROR, f"{error}; trying again")
+            if generation == self._generation and str(error) != self._told_refusal:
+                self._told_refusal = str(error)
+                self._listener.on_event(Severity.ERROR, f"{error} Trying again until it works.")
             return
         self._adopt(link, generation)
 
@@ -170,6 +172,7 @@ class Session:
         self._heard_s = self._clock.now_s()
         self._heartbeat_s = -math.inf
         self._told_version = False
+        self._told_refusal = ""
         self._listener.on_event(Severity.INFO, "connected")
 
     def _receive(self, link: Link) -> None:
