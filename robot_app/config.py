@@ -11,6 +11,7 @@ from robot_app.control.path_follower import PathFollowerConfig
 from robot_app.control.seen_ground import SeenGroundConfig
 from robot_app.control.speed import SpeedConfig
 from robot_app.control.wall_follower import WallFollowerConfig
+from robot_app.drivers.config import DeviceConfig
 from robot_app.mission import MissionConfig
 from robot_app.perception.config import PerceptionConfig
 from robot_app.safety.bands import SafetyConfig
@@ -55,6 +56,7 @@ class RobotConfig:
     control: ControlConfig = field(default_factory=ControlConfig)
     mission: MissionConfig = field(default_factory=MissionConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
+    devices: DeviceConfig = field(default_factory=DeviceConfig)
 
 
 def load_config(path: Path | None) -> RobotConfig:

@@ -12,7 +12,10 @@ def load_library(name: str, device: str) -> Any:
     """The module `name`. Raises `DeviceError` that names the missing package and how to install it."""
     try:
         return importlib.import_module(name)
-    except ImportError as error:
+    except ModuleNotFoundError as error:
         package = name.partition(".")[0]
-        reason = "is not installed" if isinstance(error, ModuleNotFoundError) else f"cannot be loaded ({error})"
-        raise DeviceError(f"{device}: the Python package {package} {reason}; run: pip install '.[robot]'") from error
+        raise DeviceError(
+            f"{device}: the Python package {package} is not installed; run: pip install '.[robot]'"
+        ) from error
+    except ImportError as error:
+        raise DeviceError(f"{device}: {name} does not load, a system library may be missing: {error}") from error

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import gc
 import logging
-import signal
 import sys
 import threading
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,17 +13,17 @@ import numpy as np
 from robot_app.app import RobotApp
 from robot_app.config import RobotConfig, load_config
 from robot_app.drivers.base import DeviceError
+from robot_app.run import run_robot, stop_on_signals
+from robot_app.service import ServiceManager
 from shared.command_line import Refused, port_number, run, set_up_logging
 from shared.link.tcp import TcpServerLink
 from shared.runtime.clock import MonotonicClock
-from shared.runtime.runner import ThreadRunner
 from tools.simulator.drivers import RealTimePump, SimulatedHardware
 from tools.simulator.scenario import Scenario, find_scenario, scenario_names
 from tools.simulator.truth import write_truth
 from tools.simulator.world import World
 
 _log = logging.getLogger("simulator")
-_SWITCH_INTERVAL_S = 0.0005  # a Python thread may keep the others waiting for so long
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -50,17 +47,6 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-@dataclass(slots=True)
-class _Stop:
-    """Set by SIGINT and SIGTERM."""
-
-    event: threading.Event
-
-    def listen(self) -> None:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: self.event.set())
-
-
 def simulate(scenario: Scenario, config: RobotConfig, args: argparse.Namespace, stop: threading.Event) -> None:
     """Run the robot until `stop` is set. The car stops first, then the threads, then the world."""
     clock = MonotonicClock()
@@ -74,23 +60,11 @@ def simulate(scenario: Scenario, config: RobotConfig, args: argparse.Namespace, 
         app.warm_up()
         world.stand_still(clock.now_s() - world.time_s)
         pump = RealTimePump(world, clock)
-        runner = ThreadRunner(app.tasks(), clock, app.on_fault)
-        app.use_health(lambda: runner.health)
-        gc.collect()
-        gc.freeze()
         pump.start()
-        runner.start()
-        _log.info("ready: %s, seed %d, listening on %s:%d", scenario.name, args.seed, args.bind, link.port)
-        if args.port_file is not None:
-            args.port_file.write_text(f"{link.port}\n", "utf-8")
         try:
-            stop.wait()
+            run_robot(app, clock, stop, ServiceManager(None), lambda: _announce(scenario, link, args))
         finally:
-            left = runner.stop()
-            app.shut_down()
             pump.stop()
-            if left:
-                _log.error("these tasks did not end in time: %s", ", ".join(left))
         if args.out is not None:
             write_truth(world, args.out)
         _log.info("%d collisions, %.1f m driven", world.collisions.count, world.truth.distance_m)
@@ -98,15 +72,18 @@ def simulate(scenario: Scenario, config: RobotConfig, args: argparse.Namespace, 
         link.close()
 
 
+def _announce(scenario: Scenario, link: TcpServerLink, args: argparse.Namespace) -> None:
+    _log.info("ready: %s, seed %d, listening on %s:%d", scenario.name, args.seed, args.bind, link.port)
+    if args.port_file is not None:
+        args.port_file.write_text(f"{link.port}\n", "utf-8")
+
+
 def _work(args: argparse.Namespace) -> int:
     scenario = find_scenario(args.scenario)
     config = load_config(args.config)
     for folder in (args.out, args.port_file.parent if args.port_file is not None else None):
         _make(folder)
-    stop = _Stop(threading.Event())
-    stop.listen()
-    sys.setswitchinterval(_SWITCH_INTERVAL_S)
-    simulate(scenario, config, args, stop.event)
+    simulate(scenario, config, args, stop_on_signals())
     return 0
 
 

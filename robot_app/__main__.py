@@ -1,0 +1,84 @@
+"""`robot-app`: the robot on its Raspberry Pi. A station connects to it."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import os
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+
+from robot_app.app import RobotApp
+from robot_app.check import check_devices, table_row
+from robot_app.config import RobotConfig, load_config
+from robot_app.drivers.base import DeviceError
+from robot_app.drivers.raspberry_pi import open_hardware
+from robot_app.run import run_robot, stop_on_signals
+from robot_app.service import ServiceManager
+from shared.command_line import EXIT_FAILED, EXIT_OK, port_number, run, set_up_logging
+from shared.link.tcp import TcpServerLink
+from shared.runtime.clock import MonotonicClock
+
+_log = logging.getLogger("robot-app")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="robot-app",
+        description="Runs the robot: reads its devices, drives, and tells the station what it sees.",
+        epilog="example: robot-app --check, and when all devices are found: robot-app",
+    )
+    parser.add_argument("--config", metavar="FILE", type=Path, help="robot.toml instead of the one that comes along")
+    parser.add_argument(
+        "--port", type=port_number, help="listen here instead of on the port in robot.toml; 0 takes a free one"
+    )
+    parser.add_argument("--bind", metavar="ADDR", help="address to listen on instead of the one in robot.toml")
+    parser.add_argument(
+        "--check", action="store_true", help="open each device in turn, print what it says, and end; no wheel turns"
+    )
+    parser.add_argument("--verbose", action="store_true", help="log everything")
+    return parser
+
+
+def _check(config: RobotConfig) -> int:
+    """A line for each device as it is looked at; exit code 1 when one is missing."""
+    missing = 0
+    print(table_row(None), flush=True)  # noqa: T201 - the command's own words
+    for finding in check_devices(config.devices, config.car, MonotonicClock()):
+        print(table_row(finding), flush=True)  # noqa: T201
+        missing += not finding.found
+    return EXIT_FAILED if missing else EXIT_OK
+
+
+def _drive(config: RobotConfig, args: argparse.Namespace) -> int:
+    stop, clock = stop_on_signals(), MonotonicClock()
+    bind = config.link.bind if args.bind is None else args.bind
+    with ExitStack() as opened:
+        link = TcpServerLink(bind, config.link.port if args.port is None else args.port, clock)
+        opened.callback(link.close)
+        hardware = open_hardware(config.devices, config.car, clock)
+        opened.callback(hardware.close)
+        app = RobotApp(hardware, link, clock, config, np.random.default_rng())
+        _log.info("compiling; this takes a while the first time")
+        app.warm_up()
+        service = ServiceManager(os.environ.get("NOTIFY_SOCKET"))
+        run_robot(app, clock, stop, service, lambda: _log.info("ready: listening on %s:%d", bind, link.port))
+    return EXIT_OK
+
+
+def _work(args: argparse.Namespace) -> int:
+    config = load_config(args.config)
+    return _check(config) if args.check else _drive(config, args)
+
+
+def main() -> int:
+    args = _parser().parse_args()
+    set_up_logging(args.verbose)
+    return run("robot-app", lambda: _work(args), also=(DeviceError,))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

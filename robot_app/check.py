@@ -1,0 +1,137 @@
+"""`robot-app --check`: opens one device after the other and tells what each of them says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_app.drivers.ackermann_drive import AckermannDrive
+from robot_app.drivers.ads1115 import Ads1115
+from robot_app.drivers.base import DeviceError, DriveSetting
+from robot_app.drivers.config import DeviceConfig
+from robot_app.drivers.encoder import QuadratureEncoders
+from robot_app.drivers.l515 import RealSenseCamera
+from robot_app.drivers.lsm9ds1 import Lsm9ds1
+from robot_app.drivers.thermometer import CpuThermometer
+from robot_app.drivers.ubg04lx import Ubg04lx
+from shared.geometry.ackermann import CarGeometry
+from shared.runtime.clock import Clock
+
+_PATIENCE_S = 3.0
+_COLUMNS = ("device", "where", "found", "what it says, or what to do")
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    device: str
+    where: str
+    found: bool
+    words: str
+
+
+def check_devices(config: DeviceConfig, car: CarGeometry, clock: Clock) -> Iterator[Finding]:
+    """One finding after the other, so that they can be shown as they come. No wheel turns."""
+    c = config
+    checks: tuple[tuple[str, str, Callable[[], str]], ...] = (
+        ("drive", f"{c.drive.pwm_chip}, {c.drive.gpio_chip}", lambda: _drive(c, car, clock)),
+        ("processor", c.thermometer.zone, lambda: _thermometer(c, clock)),
+        ("power", f"I2C {c.power.bus}, {c.power.address:#04x}", lambda: _power(c, clock)),
+        ("imu", f"I2C {c.imu.bus}, {c.imu.address:#04x}", lambda: _imu(c, clock)),
+        ("encoders", c.encoders.chip, lambda: _encoders(c, clock)),
+        ("scanner", c.scanner.port, lambda: _scanner(c, clock)),
+        ("depth camera", f"USB {c.camera.serial}".rstrip(), lambda: _camera(c, clock)),
+    )
+    for device, where, look in checks:
+        try:
+            finding = Finding(device, where, True, look())
+        except DeviceError as error:
+            finding = Finding(device, where, False, str(error))
+        yield finding
+
+
+def table_row(finding: Finding | None) -> str:
+    """A line of the table; the heading for None."""
+    cells = _COLUMNS
+    if finding is not None:
+        cells = (finding.device, finding.where, "yes" if finding.found else "NO", finding.words)
+    return f"{cells[0]:<13} {cells[1]:<40} {cells[2]:<6} {cells[3]}"
+
+
+def _drive(c: DeviceConfig, car: CarGeometry, clock: Clock) -> str:
+    drive = AckermannDrive(c.drive, car, clock)
+    try:
+        drive.set(DriveSetting(0.0, 0.0))
+    finally:
+        drive.close()
+    return "the front wheels must stand straight now; if not, change devices.drive.servo_trim_us"
+
+
+def _thermometer(c: DeviceConfig, clock: Clock) -> str:
+    thermometer = CpuThermometer(c.thermometer, clock)
+    sample = thermometer.read(_PATIENCE_S)
+    return f"{sample.cpu_c:.1f} °C, {', '.join(thermometer.throttling) or 'not throttled'}"
+
+
+def _power(c: DeviceConfig, clock: Clock) -> str:
+    monitor = Ads1115(c.power, clock)
+    try:
+        sample = monitor.read(_PATIENCE_S)
+    finally:
+        monitor.close()
+    return f"battery {sample.battery_v:.2f} V, motor {sample.motor_current_a:+.2f} A; compare with a multimeter"
+
+
+def _imu(c: DeviceConfig, clock: Clock) -> str:
+    imu = Lsm9ds1(c.imu, clock)
+    try:
+        sample = imu.read(_PATIENCE_S)
+    finally:
+        imu.close()
+    if sample is None:
+        raise DeviceError("opens, but measures nothing; check its supply")
+    x, y, z = sample.acceleration_mps2
+    text = f"acceleration {x:+.2f} {y:+.2f} {z:+.2f} m/s² forward, left, up"
+    if abs(z - 9.8) < 1.5 and math.hypot(x, y) < 1.5:
+        return f"{text}: upright"
+    return f"{text}: should be near 0 0 +9.8 on level floor; see devices.imu.acceleration_axes"
+
+
+def _encoders(c: DeviceConfig, clock: Clock) -> str:
+    encoders = QuadratureEncoders(c.encoders, clock)
+    encoders.close()
+    return "the lines are free; whether the wheels count up when pushed forward shows while driving"
+
+
+def _scanner(c: DeviceConfig, clock: Clock) -> str:
+    scanner = Ubg04lx(c.scanner, clock)
+    try:
+        scan = scanner.read(_PATIENCE_S)
+    finally:
+        scanner.close()
+    if scan is None:
+        raise DeviceError("opens, but sends only one scan; check its supply")
+    identity = scanner.identity
+    measured = int(np.isfinite(scan.ranges_m).sum())
+    return (
+        f"{identity.product}, serial {identity.serial}, {identity.state.rstrip('.')}; "
+        f"{measured} of {len(scan.ranges_m)} beams measured"
+    )
+
+
+def _camera(c: DeviceConfig, clock: Clock) -> str:
+    camera = RealSenseCamera(c.camera, clock)
+    try:
+        due_s = clock.now_s() + c.camera.start_up_s
+        image = camera.read(_PATIENCE_S)
+        while image is None and clock.now_s() < due_s:
+            image = camera.read(_PATIENCE_S)
+    finally:
+        camera.close()
+    if image is None:
+        raise DeviceError("opens, but sends no frames; is it plugged into a blue USB 3 port?")
+    lens = camera.intrinsics
+    share = float(np.count_nonzero(image.depth)) / image.depth.size
+    return f"{camera.model}, {lens.width} x {lens.height}, depth in {share:.0%} of the pixels"

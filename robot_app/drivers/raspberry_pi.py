@@ -1,0 +1,46 @@
+"""All devices of the car on a Raspberry Pi."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import Protocol, TypeVar
+
+from robot_app.drivers.ackermann_drive import AckermannDrive
+from robot_app.drivers.ads1115 import Ads1115
+from robot_app.drivers.base import Hardware
+from robot_app.drivers.config import DeviceConfig
+from robot_app.drivers.encoder import QuadratureEncoders
+from robot_app.drivers.l515 import RealSenseCamera
+from robot_app.drivers.lsm9ds1 import Lsm9ds1
+from robot_app.drivers.thermometer import CpuThermometer
+from robot_app.drivers.ubg04lx import Ubg04lx
+from shared.geometry.ackermann import CarGeometry
+from shared.runtime.clock import Clock
+
+
+class _Closes(Protocol):
+    def close(self) -> None: ...
+
+
+DeviceT = TypeVar("DeviceT", bound=_Closes)
+
+
+def open_hardware(config: DeviceConfig, car: CarGeometry, clock: Clock) -> Hardware:
+    """The drive first: it cuts the motor. Raises the `DeviceError` of the first device that cannot be opened."""
+    with ExitStack() as opened:
+
+        def kept(device: DeviceT) -> DeviceT:
+            opened.callback(device.close)
+            return device
+
+        hardware = Hardware(
+            drive=kept(AckermannDrive(config.drive, car, clock)),
+            thermometer=kept(CpuThermometer(config.thermometer, clock)),
+            power=kept(Ads1115(config.power, clock)),
+            imu=kept(Lsm9ds1(config.imu, clock)),
+            encoders=kept(QuadratureEncoders(config.encoders, clock)),
+            scanner=kept(Ubg04lx(config.scanner, clock)),
+            camera=kept(RealSenseCamera(config.camera, clock)),
+        )
+        opened.pop_all()
+    return hardware
