@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -7,8 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from shared.geometry.ackermann import CarGeometry
 from shared.runtime.clock import MonotonicClock
+from tools.simulator.devices.gpio import GpioChip
 from tools.simulator.devices.pty_server import PtyServer
+from tools.simulator.devices.pwm import PwmFolder
+from tools.simulator.devices.realsense import Camera
+from tools.simulator.devices.registers import Ads1115Chip, I2cBus, Lsm9ds1Chip
 from tools.simulator.devices.scip_sensor import ScipSensor
 
 SCIP_DATA = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "scip"
@@ -48,3 +54,49 @@ def plug() -> Iterator[Plug]:
     yield plug_in
     for server in servers:
         server.close()
+
+
+@pytest.fixture
+def gpio(monkeypatch: pytest.MonkeyPatch) -> GpioChip:
+    """GPIO lines under the name of gpiod."""
+    chip = GpioChip()
+    library = chip.library()
+    monkeypatch.setitem(sys.modules, "gpiod", library)
+    monkeypatch.setitem(sys.modules, "gpiod.line", library.line)
+    return chip
+
+
+@pytest.fixture
+def imu_chip() -> Lsm9ds1Chip:
+    return Lsm9ds1Chip()
+
+
+@pytest.fixture
+def converter() -> Ads1115Chip:
+    return Ads1115Chip([2.4, 1.835, 0.0, 0.0])
+
+
+@pytest.fixture
+def i2c(monkeypatch: pytest.MonkeyPatch, imu_chip: Lsm9ds1Chip, converter: Ads1115Chip) -> I2cBus:
+    """A bus with an IMU and a converter under the name of smbus2."""
+    bus = I2cBus({0x6B: imu_chip, 0x48: converter})
+    monkeypatch.setitem(sys.modules, "smbus2", bus.library())
+    return bus
+
+
+@pytest.fixture
+def camera(monkeypatch: pytest.MonkeyPatch) -> Camera:
+    """A depth camera under the name of pyrealsense2."""
+    device = Camera()
+    monkeypatch.setitem(sys.modules, "pyrealsense2", device.library())
+    return device
+
+
+@pytest.fixture
+def pwm(tmp_path: Path) -> PwmFolder:
+    return PwmFolder(tmp_path)
+
+
+@pytest.fixture
+def car() -> CarGeometry:
+    return CarGeometry(0.26, 0.17, 0.04, 0.5, 0.305, 0.045, 0.2)

@@ -1,0 +1,163 @@
+"""The drive against a folder in the place of sysfs and scripted lines."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from robot_app.drivers.ackermann_drive import AckermannDrive
+from robot_app.drivers.base import DeviceError, DriveSetting
+from robot_app.drivers.config import DriveConfig
+from shared.geometry.ackermann import CarGeometry
+from shared.runtime.clock import ManualClock
+from tools.simulator.devices.gpio import GpioChip
+from tools.simulator.devices.pwm import PwmFolder
+
+SERVO, MOTOR = 0, 1
+FORWARD, REVERSE = 23, 24
+
+
+@pytest.fixture
+def config(pwm: PwmFolder) -> DriveConfig:
+    return DriveConfig(pwm_chip=str(pwm.path))
+
+
+@pytest.fixture
+def drive(config: DriveConfig, car: CarGeometry, gpio: GpioChip) -> AckermannDrive:
+    return AckermannDrive(config, car, ManualClock())
+
+
+def lines(gpio: GpioChip) -> tuple[int, int]:
+    return gpio.levels.get(FORWARD, 0), gpio.levels.get(REVERSE, 0)
+
+
+def test_it_opens_standing_and_straight(drive: AckermannDrive, pwm: PwmFolder, gpio: GpioChip) -> None:
+    assert (pwm.value(SERVO, "period"), pwm.value(MOTOR, "period")) == (20_000_000, 50_000)
+    assert (pwm.value(SERVO, "enable"), pwm.value(MOTOR, "enable")) == (1, 1)
+    assert pwm.pulse_us(SERVO) == 1500
+    assert pwm.pulse_us(MOTOR) == 0
+    assert lines(gpio) == (0, 0)
+
+
+def test_forward_left_and_backward_right(drive: AckermannDrive, pwm: PwmFolder, gpio: GpioChip) -> None:
+    assert drive.set(DriveSetting(0.5, 0.25)) == DriveSetting(0.5, 0.25)
+    assert pwm.pulse_us(SERVO) == 1660
+    assert (pwm.value(MOTOR, "duty_cycle"), lines(gpio)) == (25_000, (1, 0))
+    assert drive.set(DriveSetting(-0.2, -0.25)) == DriveSetting(-0.2, -0.25)
+    assert pwm.pulse_us(SERVO) == 1340
+    assert (pwm.value(MOTOR, "duty_cycle"), lines(gpio)) == (10_000, (0, 1))
+
+
+def test_limits_are_applied_and_returned(config: DriveConfig, car: CarGeometry, gpio: GpioChip, pwm: PwmFolder) -> None:
+    drive = AckermannDrive(replace(config, max_duty=0.6, servo_trim_us=100.0), car, ManualClock())
+    applied = drive.set(DriveSetting(3.0, 2.0))
+    assert applied.duty == 0.6
+    assert applied.steering_rad == pytest.approx(300 / 640)  # the linkage ends before the car's steering does
+    assert pwm.pulse_us(SERVO) == 1900
+    assert drive.set(DriveSetting(-3.0, -2.0)) == DriveSetting(-0.6, -0.5)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(duty=st.floats(-2, 2), steering_rad=st.floats(-2, 2))
+def test_the_servo_never_leaves_its_range(
+    drive: AckermannDrive, pwm: PwmFolder, duty: float, steering_rad: float
+) -> None:
+    applied = drive.set(DriveSetting(duty, steering_rad))
+    assert 1100 <= pwm.pulse_us(SERVO) <= 1900
+    assert 0 <= pwm.value(MOTOR, "duty_cycle") <= 50_000
+    assert abs(applied.duty) <= 1
+    assert abs(applied.steering_rad) <= 0.5
+
+
+def test_the_bridge_turns_round_without_current(
+    drive: AckermannDrive, pwm: PwmFolder, gpio: GpioChip, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive.set(DriveSetting(0.8, 0.0))
+    pulses: list[int] = []
+    true_set = gpio.set
+    monkeypatch.setattr(gpio, "set", lambda *args: (pulses.append(pwm.value(MOTOR, "duty_cycle")), true_set(*args)))
+    drive.set(DriveSetting(-0.8, 0.0))
+    assert pulses == [0, 0]
+    assert lines(gpio) == (0, 1)
+
+
+def test_a_reversed_motor_is_wired_the_other_way(config: DriveConfig, car: CarGeometry, gpio: GpioChip) -> None:
+    AckermannDrive(replace(config, motor_reversed=True), car, ManualClock()).set(DriveSetting(0.5, 0.0))
+    assert lines(gpio) == (0, 1)
+
+
+def test_stopping_cuts_both_inputs_of_the_bridge(drive: AckermannDrive, pwm: PwmFolder, gpio: GpioChip) -> None:
+    drive.set(DriveSetting(0.5, 0.1))
+    drive.stop()
+    assert (pwm.value(MOTOR, "duty_cycle"), lines(gpio)) == (0, (0, 0))
+    drive.set(DriveSetting(0.5, 0.1))
+    assert lines(gpio) == (1, 0)
+
+
+@pytest.mark.parametrize("broken", ["lines", "pwm"])
+def test_stopping_never_raises_and_cuts_what_it_can(
+    drive: AckermannDrive, pwm: PwmFolder, gpio: GpioChip, broken: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive.set(DriveSetting(0.5, 0.1))
+    if broken == "lines":
+        gpio.is_broken = True
+    else:
+        monkeypatch.setattr("os.pwrite", _refuse)
+    drive.stop()
+    if broken == "lines":
+        assert pwm.value(MOTOR, "duty_cycle") == 0
+    else:
+        assert lines(gpio) == (0, 0)
+
+
+def _refuse(*_: object) -> int:
+    raise OSError(5, "Input/output error")
+
+
+def test_closing_ends_standing_with_the_outputs_off(drive: AckermannDrive, pwm: PwmFolder, gpio: GpioChip) -> None:
+    drive.set(DriveSetting(0.9, 0.1))
+    drive.close()
+    drive.close()
+    drive.stop()
+    assert (pwm.value(MOTOR, "duty_cycle"), pwm.value(SERVO, "duty_cycle")) == (0, 0)
+    assert (pwm.value(MOTOR, "enable"), pwm.value(SERVO, "enable")) == (0, 0)
+    assert not gpio.used
+    with pytest.raises(DeviceError, match="closed"):
+        drive.set(DriveSetting(0.0, 0.0))
+
+
+@pytest.mark.parametrize("duty", [math.nan, math.inf])
+def test_what_is_no_number_is_refused(drive: AckermannDrive, duty: float) -> None:
+    with pytest.raises(DeviceError, match="cannot apply"):
+        drive.set(DriveSetting(duty, 0.0))
+
+
+def test_a_missing_overlay_is_named(car: CarGeometry, gpio: GpioChip, tmp_path: Path) -> None:
+    with pytest.raises(DeviceError, match="dtoverlay=pwm-2chan"):
+        AckermannDrive(DriveConfig(pwm_chip=str(tmp_path / "none")), car, ManualClock())
+
+
+def test_when_the_lines_are_taken_the_motor_is_left_cut(
+    config: DriveConfig, car: CarGeometry, gpio: GpioChip, pwm: PwmFolder
+) -> None:
+    gpio.used.add(REVERSE)
+    with pytest.raises(DeviceError, match="drive direction at /dev/gpiochip0, lines 23, 24"):
+        AckermannDrive(config, car, ManualClock())
+    assert (pwm.value(MOTOR, "enable"), pwm.value(SERVO, "enable")) == (0, 0)
+
+
+def test_a_channel_that_never_appears_is_an_error(
+    config: DriveConfig, car: CarGeometry, gpio: GpioChip, tmp_path: Path
+) -> None:
+    chip = tmp_path / "pwmchip7"
+    chip.mkdir()
+    clock = ManualClock()
+    with pytest.raises(DeviceError, match="cannot be set up"):
+        AckermannDrive(replace(config, pwm_chip=str(chip)), car, clock)
+    assert (chip / "export").read_text() == "1\n"
+    assert clock.now_s() == pytest.approx(1.0, abs=0.05)
