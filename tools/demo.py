@@ -42,15 +42,19 @@ def simulated_robot(out: Path) -> Iterator[int]:
     port_file, log = out / "port.txt", out / "simulator.log"
     port_file.unlink(missing_ok=True)
     arguments = ["--scenario", _SCENARIO, "--seed", str(_SEED), "--port", "0"]
-    arguments += ["--port-file", str(port_file), "--out", str(out / "truth")]
+    arguments += ["--port-file", str(port_file), "--out", str(out / "truth"), "--until-eof"]
     with log.open("wb") as stream:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "tools.simulator", *arguments], stdout=stream, stderr=subprocess.STDOUT
+        process = subprocess.Popen(  # it ends with us, however we end: its standard input ends then
+            [sys.executable, "-m", "tools.simulator", *arguments],
+            stdin=subprocess.PIPE,
+            stdout=stream,
+            stderr=subprocess.STDOUT,
         )
     try:
         yield _wait_for_port(process, port_file, log)
     finally:
-        process.terminate()
+        if process.stdin is not None:
+            process.stdin.close()
         try:
             process.wait(_END_TIMEOUT_S)
         except subprocess.TimeoutExpired:

@@ -43,6 +43,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--bind", default="127.0.0.1", help="address to listen on (default: this machine only)")
     parser.add_argument("--out", metavar="DIR", type=Path, help="write the ground truth here at the end")
     parser.add_argument("--port-file", metavar="FILE", type=Path, help="write the port here once the robot is ready")
+    parser.add_argument("--until-eof", action="store_true", help="end when standard input ends, as when a parent dies")
     parser.add_argument("--verbose", action="store_true", help="log everything")
     return parser
 
@@ -58,7 +59,6 @@ def simulate(scenario: Scenario, config: RobotConfig, args: argparse.Namespace, 
         app = RobotApp(hardware, link, clock, config, np.random.default_rng(args.seed))
         _log.info("compiling; this takes a while the first time")
         app.warm_up()
-        world.stand_still(clock.now_s() - world.time_s)
         pump = RealTimePump(world, clock)
         pump.start()
         try:
@@ -83,8 +83,17 @@ def _work(args: argparse.Namespace) -> int:
     config = load_config(args.config)
     for folder in (args.out, args.port_file.parent if args.port_file is not None else None):
         _make(folder)
-    simulate(scenario, config, args, stop_on_signals())
+    stop = stop_on_signals()
+    if args.until_eof:
+        threading.Thread(target=_wait_for_eof, args=(stop,), name="parent", daemon=True).start()
+    simulate(scenario, config, args, stop)
     return 0
+
+
+def _wait_for_eof(stop: threading.Event) -> None:
+    while sys.stdin.buffer.read(4096):
+        pass
+    stop.set()
 
 
 def _make(folder: Path | None) -> None:
