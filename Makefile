@@ -13,7 +13,7 @@ help:
 	@echo "make lock            find new versions and write requirements/workstation.lock (needs uv)"
 	@echo "make clean           remove $(VENV) and out/"
 
-setup: $(READY)
+setup: $(READY) kernels
 
 $(READY): tools/setup/install.sh tools/setup/system-packages.txt requirements/workstation.lock pyproject.toml
 	@PYTHON="$(PYTHON)" VENV="$(VENV)" sh tools/setup/install.sh

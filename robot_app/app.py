@@ -16,6 +16,7 @@ from robot_app.drivers.base import Hardware, PowerSample, RawScan, TemperatureSa
 from robot_app.mission import Mission
 from robot_app.perception.object_extractor import ObjectExtractor
 from robot_app.pilot import Pilot
+from robot_app.pilot import warm_up as warm_up_control
 from robot_app.safety.guard import Guard
 from robot_app.sensing.observation import observe
 from robot_app.sensing.odometry import Odometry
@@ -86,6 +87,7 @@ class RobotApp:
     def warm_up(self) -> None:
         """Compile all kernels and touch all buffers; call it before the tasks run."""
         self._extractor.warm_up()
+        warm_up_control(self._config.car, self._config.control, self._geometry)
 
     def tasks(self) -> list[Task]:
         """In the order of the schedule's table."""

@@ -15,14 +15,15 @@ from robot_app.control.path_follower import PathFollower, PathState
 from robot_app.control.seen_ground import SeenGround
 from robot_app.control.speed import SpeedController
 from robot_app.control.wall_follower import WallFollower, WallState
-from robot_app.drivers.base import DriveSetting, RawScan
-from robot_app.mission import Behaviour, Mission, PathOrder
-from robot_app.sensing.odometry import Odometry, OdometryState
+from robot_app.drivers.base import DriveSetting, EncoderCount, ImuSample, RawScan
+from robot_app.mission import Behaviour, Mission, MissionConfig, PathOrder
+from robot_app.sensing.odometry import Odometry, OdometryConfig, OdometryState
 from shared.geometry.ackermann import CarGeometry
-from shared.messages import ScanGeometry
+from shared.messages import ScanGeometry, Start
 
 _FREE_STEERING_RAD = 0.6  # the wall follower's steering may be changed as the obstacles ask
 _PATH_STEERING_RAD = 0.12  # a planned path is free already; only small corrections are taken
+_WARM_UP_BEAMS, _WARM_UP_STEPS = 227, 60
 _HAND_STEERING_RAD = 0.0  # the operator steers; the car only refuses to hit things
 
 
@@ -133,3 +134,17 @@ class Pilot:
         if step.state in {PathState.DONE, PathState.LOST}:
             self._mission.path_ended(order)
         return Wish(step.motion, _PATH_STEERING_RAD)
+
+
+def warm_up(car: CarGeometry, config: ControlConfig, geometry: ScanGeometry) -> None:
+    """Compile every kernel of the control by following the wall of a narrow imaginary yard."""
+    mission, odometry = Mission(MissionConfig()), Odometry(OdometryConfig(), car)
+    mission.handle(Start(), 0.0)
+    pilot = Pilot(car, config, mission, odometry)
+    ranges_m = np.full(_WARM_UP_BEAMS, 0.6, np.float32)
+    ranges_m[::7] = np.nan
+    for i in range(_WARM_UP_STEPS):
+        now_s = 0.05 * i
+        odometry.update(EncoderCount(now_s, i, i), ImuSample(now_s, (0.0, 0.0, 0.0), (0.0, 0.0, 9.81)))
+        pilot.take_scan(RawScan(now_s, ranges_m), geometry)
+        pilot.step(now_s, may_move=True)
