@@ -70,7 +70,7 @@ def test_kernels_are_plain(sources: Sources) -> None:
     offenders = [
         f"{name} imports {module}"
         for name, tree in sources.items()
-        if name.endswith("_kernels.py") or name == "shared/geometry/rays.py"
+        if name.endswith("/_kernels.py") or name == "shared/geometry/rays.py"
         for module in imported(tree)
         if module not in plain and not module.endswith(("_kernels", "geometry.rays"))
     ]
@@ -98,5 +98,5 @@ def test_only_the_boundaries_catch_everything(sources: Sources) -> None:
 
 def test_files_are_of_a_size_to_read(sources: Sources) -> None:
     lines = {name: len((ROOT / name).read_text("utf-8").splitlines()) for name in sources}
-    limits = {name: LONGEST_KERNELS if name.endswith("_kernels.py") else LONGEST for name in sources}
+    limits = {name: LONGEST_KERNELS if name.endswith("/_kernels.py") else LONGEST for name in sources}
     assert {name: n for name, n in lines.items() if n > limits[name]} == {}
