@@ -47,6 +47,11 @@ class DepthCameraConfig:
     silence_s: float = 1.0  # with no frame for so long it counts as lost
     reopen_every_s: float = 2.0
 
+    def __post_init__(self) -> None:
+        sizes = (self.width, self.height, self.rate_hz, self.start_up_s, self.silence_s, self.reopen_every_s)
+        if min(sizes) <= 0 or self.latency_s < 0:
+            raise ValueError("width, height, rate_hz and all times must be positive")
+
 
 @dataclass(frozen=True, slots=True)
 class ImuConfig:

@@ -89,6 +89,7 @@ class RealSenseCamera:
         before = self._intrinsics
         self._start()
         if self._intrinsics != before:
+            self._intrinsics = before
             raise DeviceError(f"{self._name}: another camera is connected; start the app again")
         self._reopening.found()
         _log.warning("%s: is back", self._name)

@@ -12,7 +12,8 @@ from robot_app.drivers.serial_line import SerialLine
 from shared.runtime.clock import Clock
 
 _log = logging.getLogger(__name__)
-_RS232_RATES = (115_200, 19_200, 38_400, 57_600, 250_000, 500_000, 750_000)
+# After power-up the scanner has the rate it was delivered with, which is not the same for all of them.
+RS232_RATES = (115_200, 19_200, 38_400, 57_600, 250_000, 500_000, 750_000)
 _WAKE_ATTEMPTS = 3  # the first may complete a command that was left half written
 _MAX_STEPS = 100_000
 
@@ -37,6 +38,12 @@ class ScannerParameters:
     @property
     def step_rad(self) -> float:
         return math.tau / self.steps_per_turn
+
+
+@dataclass(frozen=True, slots=True)
+class BaudRates:
+    found: int
+    now: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,14 +72,15 @@ class ScipClient:
     def discarded_bytes(self) -> int:
         return self._buffer.discarded_bytes
 
-    def find(self, baud_rate: int) -> None:
-        """Bring the scanner to SCIP 2.0, idle and at `baud_rate`. Raises `DeviceError` when nobody answers."""
-        for rate in dict.fromkeys((baud_rate, *_RS232_RATES)):
+    def find(self, rates: tuple[int, ...]) -> BaudRates:
+        """Bring the scanner to SCIP 2.0, idle, looking for it at each of `rates`, and to the first of them.
+
+        Raises `DeviceError` when nobody answers.
+        """
+        for rate in dict.fromkeys(rates):
             self._line.set_baud_rate(rate)
             if self.wake():
-                if rate != baud_rate:
-                    self._change_rate(rate, baud_rate)
-                return
+                return BaudRates(rate, rate if rate == rates[0] else self._change_rate(rate, rates[0]))
         raise DeviceError(f"{self.name}: no scanner answers; does it have power, is it the right port?")
 
     def wake(self) -> bool:
@@ -158,14 +166,15 @@ class ScipClient:
                     return reply
         return None
 
-    def _change_rate(self, found: int, wanted: int) -> None:
+    def _change_rate(self, found: int, wanted: int) -> int:
         reply = self._exchange(b"SS%06d" % wanted)
         if reply is None or reply.status not in {OK, b"03"}:
             _log.warning("%s: stays at %d baud; it does not take %d", self.name, found, wanted)
-            return
+            return found
         self._line.set_baud_rate(wanted)
         if not self.wake():
             raise DeviceError(f"{self.name}: no answer after the change from {found} to {wanted} baud")
+        return wanted
 
     def _number(self, fields: tuple[Field, ...], name: str) -> int:
         text = value_of(fields, name)

@@ -15,7 +15,7 @@ from robot_app.drivers.base import DeviceError, RawScan
 from robot_app.drivers.config import ScannerConfig
 from robot_app.drivers.lost import Reopening
 from robot_app.drivers.scip import OK, RESUMED, STREAMED, ScanDecoder, parse_reply, status_name
-from robot_app.drivers.scip_client import ScannerIdentity, ScannerParameters, ScipClient
+from robot_app.drivers.scip_client import RS232_RATES, ScannerIdentity, ScannerParameters, ScipClient
 from robot_app.drivers.serial_line import SerialLine
 from shared.geometry.se2 import Pose2
 from shared.messages import ScanGeometry
@@ -58,8 +58,11 @@ class Ubg04lx:
         self._reopening = Reopening(clock, config.reopen_every_s)
         self._closed = False
         self._client: ScipClient | None = None
+        self._is_usb = "ACM" in Path(config.port).resolve().name  # where rates mean nothing
+        self._rates: tuple[int, ...] = (config.baud_rate, *(() if self._is_usb else RS232_RATES))
         self.counters = ScanCounters()
         self._start()
+        self._rates = (config.baud_rate, self._baud_rates.found)  # it has the second again after a loss of power
         self._geometry = _geometry(self._parameters, config)
 
     @property
@@ -107,7 +110,7 @@ class Ubg04lx:
             raise
 
     def _begin_streaming(self, client: ScipClient) -> None:
-        client.find(self._config.baud_rate)
+        self._baud_rates = client.find(self._rates)
         self._identity = client.identity()
         self._parameters = p = client.parameters()
         self._decoder = ScanDecoder(p.beams, _CHARACTERS)
@@ -121,6 +124,7 @@ class Ubg04lx:
         before = self._parameters
         self._start()
         if self._parameters != before:
+            self._parameters = before
             raise DeviceError(f"scanner at {self._config.port}: another scanner is connected; start the app again")
         self._reopening.found()
         _log.warning("scanner at %s: is back", self._config.port)
@@ -192,9 +196,9 @@ class Ubg04lx:
         return RawScan(scan.arrived_s - self._transfer_s() - sweep_s, ranges_m)
 
     def _transfer_s(self) -> float:
-        if "ACM" in Path(self._config.port).resolve().name:
+        if self._is_usb:
             return _USB_TRANSFER_S
-        return self._decoder.reply_bytes * _BITS_PER_BYTE / self._config.baud_rate
+        return self._decoder.reply_bytes * _BITS_PER_BYTE / self._baud_rates.now
 
 
 def _geometry(p: ScannerParameters, config: ScannerConfig) -> ScanGeometry:

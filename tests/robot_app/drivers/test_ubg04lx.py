@@ -228,6 +228,46 @@ def test_unplugging_is_an_error_that_names_the_port(plug, clock: MonotonicClock,
     scanner.close()
 
 
+def test_a_scanner_that_lost_its_power_is_found_at_its_old_rate(plug, values_mm: Values) -> None:
+    clock = ManualClock()
+    sensor = ScipSensor(values_mm)
+    server = plug(sensor, lambda: sensor.baud_rate or 19_200)
+    scanner = Ubg04lx(config(server, baud_rate=500_000, answer_timeout_s=0.1), clock)
+    sensor.mode, sensor.baud_rate = Mode.IDLE, None
+    clock.advance(0.05)
+    scanner.read(0.0)
+    clock.advance(0.09)
+    scanner.read(0.0)
+    clock.advance(0.09)
+    with pytest.raises(DeviceError, match="no good scan"):
+        scanner.read(0.0)
+    clock.advance(1.0)
+    scanner.read(0.0)
+    server.send(sensor.scan(np.full(682, 666)))
+    assert np.all(read(scanner).ranges_m == np.float32(0.666))
+    assert sensor.requests.count(b"SS500000") == 2
+    scanner.close()
+
+
+def test_another_scanner_at_the_port_is_refused_for_ever(plug, values_mm: Values) -> None:
+    clock = ManualClock()
+    sensor = ScipSensor(values_mm)
+    scanner = Ubg04lx(config(plug(sensor)), clock)
+    sensor.become((*UBG_04LX[:5], ("AMAX", "700"), *UBG_04LX[6:]), values_mm[:657])
+    clock.advance(0.09)
+    scanner.read(0.0)
+    clock.advance(0.09)
+    scanner.read(0.0)
+    clock.advance(0.09)
+    with pytest.raises(DeviceError, match="no good scan"):
+        scanner.read(0.0)
+    for _ in range(3):
+        clock.advance(1.0)
+        with pytest.raises(DeviceError, match="another scanner"):
+            scanner.read(0.0)
+    scanner.close()
+
+
 def test_hardware_trouble_is_named(plug, clock: MonotonicClock, values_mm: Values) -> None:
     sensor = ScipSensor(values_mm)
     server = plug(sensor)

@@ -55,14 +55,18 @@ class PtyServer:
 
     def _run(self) -> None:
         while not self._stop.is_set():
-            if not select.select([self._master], [], [], _POLL_S)[0]:
-                continue
-            data = os.read(self._master, 4096)
-            if self.is_silent:
-                continue
-            understood = self._rates_agree()  # before the answer, which may change the device's rate
-            answer = self._answer(data if understood else _garbled(data))
-            self.send(answer if understood else _garbled(answer))
+            self._serve(_POLL_S)
+        self._serve(0.0)  # the last words of a driver that has closed the port
+
+    def _serve(self, timeout_s: float) -> None:
+        if not select.select([self._master], [], [], timeout_s)[0]:
+            return
+        data = os.read(self._master, 4096)
+        if self.is_silent:
+            return
+        understood = self._rates_agree()  # before the answer, which may change the device's rate
+        answer = self._answer(data if understood else _garbled(data))
+        self.send(answer if understood else _garbled(answer))
 
     def _rates_agree(self) -> bool:
         if self._baud_rate is None:

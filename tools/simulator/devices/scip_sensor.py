@@ -80,6 +80,10 @@ class ScipSensor:
         self.requests: list[bytes] = []
         self.refusals: dict[bytes, bytes] = {}  # command to the status that refuses it
 
+    def become(self, parameters: tuple[tuple[str, str], ...], first_scan: NDArray[np.int_]) -> None:
+        """Be another scanner from now on."""
+        self._parameters, self._first_scan = parameters, first_scan
+
     def receive(self, data: bytes) -> bytes:
         """The bytes that answer `data`."""
         *lines, self._partial = (self._partial + data).replace(b"\r\n", b"\n").replace(b"\r", b"\n").split(b"\n")

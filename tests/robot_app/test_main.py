@@ -1,0 +1,159 @@
+"""`robot-app` as a whole, on emulated devices."""
+
+from __future__ import annotations
+
+import gc
+import os
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from robot_app import __main__ as command
+from robot_app.config import DEFAULT_PATH, load_config
+from robot_app.drivers.config import DeviceConfig
+from robot_app.service import ServiceManager
+from shared.link.tcp import TcpServerLink
+from shared.runtime.clock import MonotonicClock
+from tools.simulator.devices.robot import EmulatedRobot
+from tools.simulator.devices.scip_sensor import Mode
+
+PATIENCE_S = 60.0
+
+
+@pytest.fixture(autouse=True)
+def _process_is_left_as_it_was() -> Iterator[None]:
+    handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    interval_s = sys.getswitchinterval()
+    yield
+    gc.unfreeze()
+    sys.setswitchinterval(interval_s)
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+class Systemd:
+    """Listens where systemd would; sends SIGTERM when `enough` of what it heard says so."""
+
+    def __init__(self, folder: Path, enough: Callable[[list[str]], bool]) -> None:
+        self.address = str(folder / "notify")
+        self.heard: list[str] = []
+        self._enough = enough
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.bind(self.address)
+        self._socket.settimeout(PATIENCE_S)
+        self._thread = threading.Thread(target=self._listen, name="systemd", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._thread.join(PATIENCE_S)
+        self._socket.close()
+
+    def _listen(self) -> None:
+        while "STOPPING=1" not in self.heard:
+            self.heard.append(self._socket.recv(100).decode())
+            if self._enough(self.heard):
+                os.kill(os.getpid(), signal.SIGTERM)
+
+
+def toml_of(robot: EmulatedRobot, folder: Path) -> Path:
+    """The file that comes with the app, with the emulated ports in it."""
+    config = robot.config
+    text = DEFAULT_PATH.read_text("utf-8").replace("/dev/ttyACM0", config.scanner.port)
+    text = text.replace("[devices.drive] ", f'[devices.drive]\npwm_chip = "{config.drive.pwm_chip}" ')
+    text += f'[devices.thermometer]\nzone = "{config.thermometer.zone}"\n'
+    path = folder / "robot.toml"
+    path.write_text(text, "utf-8")
+    return path
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
+    monkeypatch.setattr(sys, "argv", ["robot-app", *map(str, arguments)])
+    return command.main()
+
+
+def test_the_robot_runs_until_it_is_told_to_end(
+    robot: EmulatedRobot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot.keeps_measuring = True
+    systemd = Systemd(tmp_path, enough=lambda heard: heard.count("WATCHDOG=1") == 2)
+    monkeypatch.setenv("NOTIFY_SOCKET", systemd.address)
+    code = call(monkeypatch, "--config", toml_of(robot, tmp_path), "--bind", "127.0.0.1", "--port", "0")
+    systemd.close()
+    assert code == 0
+    assert systemd.heard[0] == "READY=1"
+    assert systemd.heard[-1] == "STOPPING=1"
+    assert robot.is_released
+    robot.close()
+    assert robot.sensor.mode is Mode.IDLE
+    assert [r.getMessage() for r in caplog.records if r.levelname == "ERROR"] == []
+
+
+def test_the_check_prints_a_table(
+    robot: EmulatedRobot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot.keeps_measuring = True
+    path = toml_of(robot, tmp_path)
+    assert call(monkeypatch, "--config", path, "--check") == 0
+    robot.remove("imu")
+    assert call(monkeypatch, "--config", path, "--check") == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 16
+    assert lines[0].split()[:3] == ["device", "where", "found"]
+    assert " yes " in lines[4]
+    assert " NO " in lines[12]
+
+
+def test_a_missing_device_is_one_line_and_exit_code_2(
+    robot: EmulatedRobot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot.remove("imu")
+    assert call(monkeypatch, "--config", toml_of(robot, tmp_path), "--port", "0") == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("robot-app: imu LSM9DS1 at I2C bus 1, address 0x6b: does not answer")
+    assert robot.is_released
+
+
+def test_a_port_in_use_is_one_line_and_exit_code_2(
+    robot: EmulatedRobot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = TcpServerLink("127.0.0.1", 0, MonotonicClock())
+    port = str(other.port)
+    assert call(monkeypatch, "--config", toml_of(robot, tmp_path), "--bind", "127.0.0.1", "--port", port) == 2
+    other.close()
+    (line,) = capsys.readouterr().err.splitlines()
+    assert port in line
+
+
+def test_a_misspelt_key_is_one_line_and_exit_code_2(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(DEFAULT_PATH.read_text("utf-8").replace("forward_line", "foward_line"), "utf-8")
+    assert call(monkeypatch, "--config", path) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "devices.drive.foward_line, did you mean devices.drive.forward_line?" in line
+
+
+def test_the_file_that_comes_along_holds_the_defaults() -> None:
+    assert load_config(None).devices == DeviceConfig()
+
+
+def test_systemd_hears_an_abstract_address() -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
+        listener.bind(f"\0robot-app-{os.getpid()}")
+        listener.settimeout(PATIENCE_S)
+        ServiceManager(f"@robot-app-{os.getpid()}").ready()
+        assert listener.recv(100) == b"READY=1"
+
+
+def test_without_systemd_nothing_is_said_and_nothing_fails(caplog: pytest.LogCaptureFixture) -> None:
+    ServiceManager(None).ready()
+    deaf = ServiceManager("/nonexistent/notify")
+    deaf.ready()
+    deaf.alive()
+    assert [r.getMessage() for r in caplog.records] == ["systemd does not listen: [Errno 2] No such file or directory"]
