@@ -18,7 +18,9 @@ _CTRL_REG1_G, _CTRL_REG4, _CTRL_REG5_XL, _CTRL_REG6_XL, _CTRL_REG8 = 0x10, 0x1E,
 _STATUS, _OUT_X_XL = 0x17, 0x28  # the gyroscope's data follow the status
 _GYRO_READY = 0b10
 _ODR = {119: 0b011 << 5, 238: 0b100 << 5}
-_GYRO_BANDWIDTH = {119: 0b01, 238: 0b10}  # 31 and 63 Hz: the 100 Hz reader takes what is left without folding
+# The first low pass alone, which follows the rate (tables 45 and 46): the second would halve the bandwidth and
+# triple the delay, and without it its bits in CTRL_REG1_G mean nothing.
+_LOW_PASS_HZ = {119: 38.0, 238: 76.0}
 _ALL_AXES = 0x38
 _BLOCK_UPDATE_AND_INCREMENT = 0x44  # the halves of a value are of one sample, registers count up in a transfer
 _SOFT_RESET = 0x05
@@ -36,7 +38,7 @@ class _AxisOf:
 
 
 class Lsm9ds1:
-    """A sample is stamped half a period before it was read: it became ready some time within the period."""
+    """A sample is stamped when the robot moved so: half a period and the delay of the low pass before it was read."""
 
     def __init__(self, config: ImuConfig, clock: Clock) -> None:
         self._clock = clock
@@ -46,6 +48,7 @@ class Lsm9ds1:
         self._reopening = Reopening(clock, _REOPEN_EVERY_S)
         self._never = threading.Event()
         self._closed = False
+        self._age_s = 0.5 / config.rate_hz + 1 / (math.tau * _LOW_PASS_HZ[config.rate_hz])
         self._device = I2cDevice("imu LSM9DS1", config.bus, config.address)
         try:
             self._set_up()
@@ -83,7 +86,7 @@ class Lsm9ds1:
         self._device.write(_CTRL_REG4, _ALL_AXES)
         self._device.write(_CTRL_REG5_XL, _ALL_AXES)
         self._device.write(_CTRL_REG6_XL, _ODR[rate_hz])
-        self._device.write(_CTRL_REG1_G, _ODR[rate_hz] | _GYRO_BANDWIDTH[rate_hz])
+        self._device.write(_CTRL_REG1_G, _ODR[rate_hz])
         self._ready_by_s = self._clock.now_s() + _SILENCE_S
 
     def _wait_for_sample(self, timeout_s: float) -> ImuSample | None:
@@ -102,7 +105,7 @@ class Lsm9ds1:
 
     def _sample(self, now_s: float, gyro: bytes, acceleration: bytes) -> ImuSample:
         return ImuSample(
-            now_s - 0.5 / self._config.rate_hz,
+            now_s - self._age_s,
             _mapped(gyro, self._gyro_axes, _RADPS_PER_DIGIT),
             _mapped(acceleration, self._acceleration_axes, _MPS2_PER_DIGIT),
         )

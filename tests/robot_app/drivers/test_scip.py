@@ -124,6 +124,21 @@ def test_foreign_bytes_never_raise(data: bytes) -> None:
         decoder.decode(block)
 
 
+@given(
+    spots=st.lists(st.tuples(st.integers(0, 900), st.integers(0, 40), st.binary(max_size=6)), min_size=1, max_size=8)
+)
+def test_a_mangled_stream_gives_scans_or_nothing(spots: list[tuple[int, int, bytes]]) -> None:
+    stream = b"".join(scan_reply(b"MS0000000701000", i, np.full(8, 100 + i)) for i in range(20))
+    for at, length, inserted in spots:
+        stream = stream[:at] + inserted + stream[at + length :]
+    buffer, decoder = ReplyBuffer(), ScanDecoder(8, 2)
+    buffer.feed(stream)
+    for block in buffer.take():
+        reply = parse_reply(block, b"MS00000007010")
+        scan = decoder.decode(reply.body) if reply is not None else None
+        assert scan is None or scan.values.shape == (8,)
+
+
 @given(cuts=st.lists(st.integers(1, 200), max_size=40))
 def test_any_chunking_gives_the_same_replies(cuts: list[int]) -> None:
     stream = b"".join(scan_reply(b"MS0000000701000", i, np.full(8, 100 + i)) for i in range(20))
