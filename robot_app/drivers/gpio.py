@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Any
 
 from robot_app.drivers.base import DeviceError
 from robot_app.drivers.library import load_library
+
+_LOCK_TIMEOUT_S = 0.05
 
 
 def load_gpiod(device: str) -> Any:
@@ -18,12 +21,13 @@ def load_gpiod(device: str) -> Any:
 
 
 class GpioOutputs:
-    """A few lines, low at first and low again when closed."""
+    """A few lines, low at first. Two threads may set them: gpiod has one buffer for both, hence the lock."""
 
     def __init__(self, name: str, chip: str, lines: tuple[int, ...]) -> None:
         self._name = f"{name} at {chip}, lines {', '.join(map(str, lines))}"
         self._lines = lines
         gpiod = load_gpiod(name)
+        self._lock = threading.Lock()
         self._value = gpiod.line.Value
         low = gpiod.LineSettings(direction=gpiod.line.Direction.OUTPUT, output_value=self._value.INACTIVE)
         try:
@@ -36,12 +40,15 @@ class GpioOutputs:
         if request is None:
             raise DeviceError(f"{self._name}: is closed")
         value = self._value
+        levels = {n: value.ACTIVE if is_high else value.INACTIVE for n, is_high in zip(self._lines, high, strict=True)}
+        if not self._lock.acquire(timeout=_LOCK_TIMEOUT_S):
+            raise DeviceError(f"{self._name}: another thread does not finish setting them")
         try:
-            request.set_values(
-                {n: value.ACTIVE if is_high else value.INACTIVE for n, is_high in zip(self._lines, high, strict=True)}
-            )
+            request.set_values(levels)
         except (OSError, ValueError) as error:
             raise DeviceError(f"{self._name}: cannot be set: {error}") from error
+        finally:
+            self._lock.release()
 
     def close(self) -> None:
         request, self._request = self._request, None

@@ -116,6 +116,20 @@ def read_until(scanner: Ubg04lx, range_m: float) -> NDArray[np.bool_]:
     raise AssertionError("the newest scan never came")
 
 
+def test_a_scan_that_dribbles_in_is_put_together(plug, clock: MonotonicClock, values_mm: Values) -> None:
+    sensor = ScipSensor(values_mm)
+    server = plug(sensor)
+    scanner = Ubg04lx(config(server, silence_s=5.0), clock)
+    data = sensor.scan(np.full(682, 999))
+    for i in range(len(data) - 1):
+        server.send(data[i : i + 1])
+        assert scanner.read(0.0) is None
+    server.send(data[-1:])
+    assert np.all(read(scanner).ranges_m == np.float32(0.999))
+    assert scanner.counters.corrupt == 0
+    scanner.close()
+
+
 @pytest.mark.parametrize("spoil", ["cut", "garbage before", "wrong sum", "lost line feeds", "cut and glued"])
 def test_a_spoilt_scan_is_dropped_and_the_next_one_read(
     plug, clock: MonotonicClock, values_mm: Values, spoil: str
