@@ -18,8 +18,8 @@ _CTRL_REG1_G, _CTRL_REG4, _CTRL_REG5_XL, _CTRL_REG6_XL, _CTRL_REG8 = 0x10, 0x1E,
 _STATUS, _OUT_X_XL = 0x17, 0x28  # the gyroscope's data follow the status
 _GYRO_READY = 0b10
 _ODR = {119: 0b011 << 5, 238: 0b100 << 5}
-# Cut-off of the gyroscope's first low pass, which the rate fixes. The second one is left out (OUT_SEL 0 in CTRL_REG2_G):
-# it would only add delay. Its bits in CTRL_REG1_G mean nothing then.
+# Cut-off of the gyroscope's first low pass, which the rate fixes. The second one is left out (OUT_SEL is 0 after a
+# reset), because it would only add delay; its bits in CTRL_REG1_G mean nothing then.
 _LOW_PASS_HZ = {119: 38.0, 238: 76.0}
 _ALL_AXES = 0x38
 _BLOCK_UPDATE_AND_INCREMENT = 0x44  # the halves of a value are of one sample, registers count up in a transfer

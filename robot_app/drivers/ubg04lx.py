@@ -26,6 +26,7 @@ _CHARACTERS = 2  # of a value: up to 4095 mm, all that a 4 m scanner needs, and 
 _COUNTER_BITS, _COUNTER_TICK_S = 24, 0.001
 _BITS_PER_BYTE = 10  # on an RS-232 line
 _USB_TRANSFER_S = 0.0015  # of 1435 bytes at full speed, with its 1 ms frames
+_RESTART_S = 1.0  # the task that reads must be able to end; the next read tries again
 _HARDWARE_TROUBLE = range(50, 98)
 
 
@@ -61,7 +62,7 @@ class Ubg04lx:
         self._is_usb = "ACM" in Path(config.port).resolve().name  # where rates mean nothing
         self._rates: tuple[int, ...] = (config.baud_rate, *(() if self._is_usb else RS232_RATES))
         self.counters = ScanCounters()
-        self._start()
+        self._start(config.start_up_s)
         self._rates = (config.baud_rate, self._baud_rates.found)  # it has the second again after a loss of power
         self._geometry = _geometry(self._parameters, config)
 
@@ -96,14 +97,14 @@ class Ubg04lx:
         self._closed = True
         self._drop()
 
-    def _start(self) -> None:
+    def _start(self, first_scan_within_s: float) -> None:
         line = SerialLine("scanner", self._config.port, self._config.baud_rate)
         self._client = ScipClient(line, self._clock, self._config.answer_timeout_s)
         try:
             self._begin_streaming(self._client)
             self._last_read_s = self._clock.now_s()
-            self._good_s = self._last_read_s + self._config.start_up_s
-            if self._newest(self._config.start_up_s) is None:
+            self._good_s = self._last_read_s + first_scan_within_s
+            if self._newest(first_scan_within_s) is None:
                 raise DeviceError(f"{line.name}: sends no scans; does its mirror turn?")
         except DeviceError:
             self._drop()
@@ -122,7 +123,7 @@ class Ubg04lx:
 
     def _restart(self) -> None:
         before = self._parameters
-        self._start()
+        self._start(min(self._config.start_up_s, _RESTART_S))
         if self._parameters != before:
             self._parameters = before
             raise DeviceError(f"scanner at {self._config.port}: another scanner is connected; start the app again")

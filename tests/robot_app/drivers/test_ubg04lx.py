@@ -282,6 +282,42 @@ def test_another_scanner_at_the_port_is_refused_for_ever(plug, values_mm: Values
     scanner.close()
 
 
+def test_a_scanner_that_is_plugged_in_again_is_found(plug, tmp_path: Path, values_mm: Values) -> None:
+    """The name of the port stays, as below /dev/serial/by-id, the device behind it is a new one."""
+    clock = ManualClock()
+    first = plug(ScipSensor(values_mm))
+    port = tmp_path / "usb-Hokuyo"
+    port.symlink_to(first.port)
+    scanner = Ubg04lx(ScannerConfig(str(port), reopen_every_s=0.5), clock)
+    first.unplug()
+    port.unlink()
+    for _ in range(3):
+        with pytest.raises(DeviceError, match=r"usb-Hokuyo: .*plugged in\?"):
+            scanner.read(0.01)
+        clock.advance(0.6)
+    sensor = ScipSensor(values_mm)
+    second = plug(sensor)
+    port.symlink_to(second.port)
+    assert scanner.read(0.0) is None
+    second.send(sensor.scan(np.full(682, 444)))
+    assert np.all(read(scanner).ranges_m == np.float32(0.444))
+    scanner.close()
+
+
+def test_nobody_listening_is_not_silence(plug, values_mm: Values) -> None:
+    clock = ManualClock()
+    sensor = ScipSensor(values_mm)
+    server = plug(sensor)
+    scanner = Ubg04lx(config(server), clock)
+    clock.advance(60.0)  # the kernels were compiled; meanwhile the line's buffer ran over
+    server.send(sensor.scan(values_mm)[:900] + sensor.scan(values_mm)[200:700])
+    assert scanner.read(0.0) is None
+    clock.advance(0.02)
+    server.send(sensor.scan(values_mm) + sensor.scan(np.full(682, 333)))
+    assert np.all(read_until(scanner, 0.333))
+    scanner.close()
+
+
 def test_hardware_trouble_is_named(plug, clock: MonotonicClock, values_mm: Values) -> None:
     sensor = ScipSensor(values_mm)
     server = plug(sensor)
