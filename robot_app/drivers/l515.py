@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import logging
 from typing import Any
 
 import numpy as np
@@ -15,8 +14,6 @@ from robot_app.drivers.library import load_library
 from robot_app.drivers.lost import Reopening
 from shared.geometry.camera import Intrinsics
 from shared.runtime.clock import Clock
-
-_log = logging.getLogger(__name__)
 
 
 class RealSenseCamera:
@@ -51,11 +48,16 @@ class RealSenseCamera:
         try:
             if self._pipeline is None:
                 self._restart()
-            return self._fetch(timeout_s)
+            image = self._fetch(timeout_s)
         except DeviceError as error:
             self._drop()
             self._reopening.lost(error)
             raise
+        if image is None:
+            self._reopening.check_found()
+        else:
+            self._reopening.found()
+        return image
 
     def close(self) -> None:
         self._closed = True
@@ -91,8 +93,6 @@ class RealSenseCamera:
         if self._intrinsics != before:
             self._intrinsics = before
             raise DeviceError(f"{self._name}: another camera is connected; start the app again")
-        self._reopening.found()
-        _log.warning("%s: is back", self._name)
 
     def _drop(self) -> None:
         pipeline, self._pipeline = self._pipeline, None

@@ -26,6 +26,11 @@ class Reopening:
     def found(self) -> None:
         self._fault = None
 
+    def check_found(self) -> None:
+        """Raises the `DeviceError` again as long as the device has not measured anything since."""
+        if self._fault is not None:
+            raise DeviceError(self._fault)
+
     def check_due(self) -> None:
         """Raises the `DeviceError` again while it is too early for another try."""
         if self._fault is not None and self._clock.now_s() < self._next_s:

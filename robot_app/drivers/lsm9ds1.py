@@ -27,6 +27,7 @@ _SOFT_RESET = 0x05
 _RESET_S = 0.02
 _REOPEN_EVERY_S = 0.5
 _SILENCE_S = 0.1  # without a new value for so long the chip has lost its settings, as after a dip of its supply
+_START_UP_S = 0.3
 _RADPS_PER_DIGIT = math.radians(8.75e-3)  # at 245 degrees a second
 _MPS2_PER_DIGIT = 0.061e-3 * 9.80665  # at 2 g
 
@@ -87,7 +88,8 @@ class Lsm9ds1:
         self._device.write(_CTRL_REG5_XL, _ALL_AXES)
         self._device.write(_CTRL_REG6_XL, _ODR[rate_hz])
         self._device.write(_CTRL_REG1_G, _ODR[rate_hz])
-        self._ready_by_s = self._clock.now_s() + _SILENCE_S
+        self._ready_by_s = self._clock.now_s() + _START_UP_S
+        self._wait_for_sample(2 * _START_UP_S)  # the first one is not settled; none raises
 
     def _wait_for_sample(self, timeout_s: float) -> ImuSample | None:
         due_s = self._clock.now_s() + timeout_s

@@ -128,7 +128,6 @@ class Ubg04lx:
             self._parameters = before
             raise DeviceError(f"scanner at {self._config.port}: another scanner is connected; start the app again")
         self._reopening.found()
-        _log.warning("scanner at %s: is back", self._config.port)
 
     def _drop(self) -> None:
         client, self._client = self._client, None

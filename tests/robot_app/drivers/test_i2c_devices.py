@@ -82,6 +82,20 @@ def test_an_imu_that_lost_its_supply_is_set_up_again(i2c: I2cBus, imu_chip: Lsm9
     assert imu.read(0.0) is not None
 
 
+def test_an_imu_that_measures_nothing_stays_a_fault(i2c: I2cBus, imu_chip: Lsm9ds1Chip) -> None:
+    clock = ManualClock()
+    imu = Lsm9ds1(ImuConfig(), clock)
+    imu_chip.is_stuck = True
+    clock.advance(0.2)
+    for _ in range(4):
+        with pytest.raises(DeviceError, match="measures nothing"):
+            imu.read(0.0)
+        clock.advance(0.6)
+    with pytest.raises(DeviceError, match="measures nothing"):
+        Lsm9ds1(ImuConfig(), clock)
+    assert i2c.open_handles == 1
+
+
 def test_a_pulled_imu_is_an_error_until_it_is_back(i2c: I2cBus, imu_chip: Lsm9ds1Chip) -> None:
     clock = ManualClock()
     imu = Lsm9ds1(ImuConfig(), clock)

@@ -81,7 +81,9 @@ def test_an_unplugged_camera_is_an_error_and_comes_back(camera: Camera) -> None:
         driver.read(0.01)
     assert camera.starts == starts
     clock.advance(2.1)
-    driver.read(0.01)
+    with pytest.raises(DeviceError, match="not found"):  # started, and the first frame has not come
+        driver.read(0.01)
+    assert camera.starts == starts + 1
     camera.send(DEPTH, 9000.0)
     assert driver.read(0.01) is not None
 

@@ -75,8 +75,8 @@ class _Pipeline:
 
     def start(self, config: _Config) -> SimpleNamespace:
         camera = self._camera
-        if camera.fault is not None:
-            raise RuntimeError(camera.fault)
+        if camera.is_lost or camera.fault is not None:
+            raise RuntimeError(camera.fault or "No device connected")
         camera.starts += 1
         sensor = SimpleNamespace(get_depth_scale=lambda: camera.depth_scale)
         device = SimpleNamespace(first_depth_sensor=lambda: sensor, get_info=lambda _: "Intel RealSense L515")

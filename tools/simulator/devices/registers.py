@@ -79,10 +79,11 @@ class _Handle:
 
 
 class Lsm9ds1Chip:
-    """Powers up with its outputs off. `sample` puts a new value there, as the chip does by itself."""
+    """Powers up with its outputs off, measures once by itself when set up, and then whenever `sample` is called."""
 
     def __init__(self) -> None:
         self.registers = bytearray(128)
+        self.is_stuck = False  # answers, and measures nothing
         self.power_up()
 
     def power_up(self) -> None:
@@ -91,7 +92,7 @@ class Lsm9ds1Chip:
 
     def sample(self, gyro: tuple[int, int, int], acceleration: tuple[int, int, int]) -> None:
         """Digits; nothing happens while the output data rate is 0."""
-        if self.registers[0x10] >> 5:
+        if self.registers[0x10] >> 5 and not self.is_stuck:
             self.registers[0x18:0x1E] = struct.pack("<3h", *gyro)
             self.registers[0x28:0x2E] = struct.pack("<3h", *acceleration)
             self.registers[0x17] |= 0b11
@@ -108,6 +109,8 @@ class Lsm9ds1Chip:
             self.power_up()
         else:
             self.registers[register : register + len(values)] = values
+            if register == 0x10:
+                self.sample((0, 0, 0), (0, 0, 0))
 
 
 class Ads1115Chip:
