@@ -16,6 +16,7 @@ from tqdm import tqdm
 
 from shared.command_line import EXIT_MISUSE, EXIT_OK, Refused, existing_file, run, set_up_logging
 from shared.messages import Observation
+from shared.protocol import wire
 from shared.protocol.codec import Decoder
 from shared.recording import MissionReader, RecordingError
 from shared.runtime.clock import stopwatch_s
@@ -40,6 +41,10 @@ class Source(Protocol):
         ...
 
     def __iter__(self) -> Iterator[Observation]: ...
+
+    def count(self) -> int:
+        """How many observations there are, for the progress bar."""
+        ...
 
 
 class MissionSource:
@@ -66,6 +71,10 @@ class MissionSource:
             if isinstance(message, Observation):
                 yield message
 
+    def count(self) -> int:
+        kind = wire.TYPE_OF[Observation]
+        return sum(recorded.datagram[1] == kind for recorded in MissionReader(self._path))
+
 
 @dataclass(slots=True)
 class Played:
@@ -82,7 +91,9 @@ def play(source: Source, pipeline: MappingPipeline, name: str) -> Played:
     """Everything through the pipeline, with a progress bar on stderr."""
     played = Played()
     began_s = stopwatch_s()
-    for observation in tqdm(source, desc=name, unit=" scans", disable=None, dynamic_ncols=True):
+    shown = sys.stderr.isatty()
+    total = source.count() if shown else None
+    for observation in tqdm(source, name, total, unit=" scans", disable=not shown, dynamic_ncols=True):
         try:
             pipeline.add(observation)
         except MappingError as error:

@@ -6,7 +6,7 @@ import json
 import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,32 +14,10 @@ from numpy.typing import NDArray
 from shared.geometry.se2 import Pose2
 from tools.simulator.scenario import Scenario, Start
 from tools.simulator.solids import Solid, solids_of
+from tools.simulator.world import World
 
-if TYPE_CHECKING:
-    from tools.simulator.world import World
-
-_MAX_POSES = 500_000  # 2.7 hours at 50 Hz
 _TOUCHING_M = 0.001  # faces closer together than this are no surface
 TRUTH_FILE, SIMULATION_FILE = "truth.tum", "simulation.json"
-
-
-class TruthRecorder:
-    """Poses over time, room frame, up to a bound."""
-
-    def __init__(self, start: Pose2) -> None:
-        self._rows: list[tuple[float, float, float, float]] = []
-        self._last = start
-        self.distance_m = 0.0
-
-    def record(self, time_s: float, room_from_robot: Pose2) -> None:
-        self.distance_m += room_from_robot.distance_m(self._last)
-        self._last = room_from_robot
-        if len(self._rows) < _MAX_POSES:
-            self._rows.append((time_s, room_from_robot.x_m, room_from_robot.y_m, room_from_robot.theta_rad))
-
-    def poses(self) -> NDArray[np.float64]:
-        """(N, 4): time_s, x_m, y_m, theta_rad."""
-        return np.array(self._rows, dtype=np.float64).reshape(-1, 4)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,7 +113,7 @@ def _report(world: World) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedTruth:
-    """What `write_truth` left: `poses` (N, 4) as of `TruthRecorder.poses`."""
+    """What `write_truth` left: `poses` (N, 4) as of `Track.poses`."""
 
     poses: NDArray[np.float64]
     surfaces: TrueSurfaces

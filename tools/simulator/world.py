@@ -16,7 +16,7 @@ from tools.simulator.engine import mujoco
 from tools.simulator.mjcf import STEP_S, mjcf
 from tools.simulator.powertrain import Battery, SteeringServo
 from tools.simulator.scenario import Scenario
-from tools.simulator.truth import TruthRecorder
+from tools.simulator.track import Track
 
 _POWER_EVERY = 10  # steps
 _TRUTH_EVERY = 10  # steps: 50 Hz
@@ -46,7 +46,7 @@ class World:
         self.model: Any = mujoco.MjModel.from_xml_string(mjcf(scenario))
         self.data: Any = mujoco.MjData(self.model)
         self.steps = 0
-        self.truth = TruthRecorder(scenario.start.room_from_robot)
+        self.truth = Track(scenario.start.room_from_robot)
         self.collisions = CollisionCounter(self.model)
         self.servo = SteeringServo(scenario.car)
         self.battery = Battery(scenario.battery)
