@@ -36,6 +36,7 @@ class LinkConfig:
 
 @dataclass(frozen=True, slots=True)
 class ControlConfig:
+    max_speed_mps: float = 0.46  # the fastest of the paper's robot; whoever asks for more gets this
     memory: ObstacleMemoryConfig = field(default_factory=ObstacleMemoryConfig)
     ground: SeenGroundConfig = field(default_factory=SeenGroundConfig)
     wall: WallFollowerConfig = field(default_factory=WallFollowerConfig)

@@ -29,6 +29,8 @@ class MissionConfig:
     lap_overlap_m: float = 0.8  # driven on after coming round, so that SLAM sees the beginning twice
     lap_max_distance_m: float = 80.0  # whoever has not come round by then will not
     drive_hold_s: float = 0.5  # a drive command holds for so long
+    max_path_step_m: float = 0.5  # a path with wider gaps is no path
+    max_path_m: float = 500.0
 
 
 class Behaviour(Enum):
@@ -160,6 +162,9 @@ class Mission:
             return Answer(False, "go to is possible once the observation has finished")
         if len(command.path) < 2:
             return Answer(False, "the path has fewer than two points")
+        steps_m = np.hypot(*np.diff(command.path[:, :2].astype(np.float64), axis=0).T)
+        if steps_m.max() > self._config.max_path_step_m or steps_m.sum() > self._config.max_path_m:
+            return Answer(False, f"the path has a gap of {steps_m.max():.2g} m or is longer than is allowed")
         self._order = PathOrder(command.goal_id, command.path)
         return _YES
 

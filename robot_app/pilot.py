@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,12 +104,20 @@ class Pilot:
     def _drive(self, now_s: float, behaviour: Behaviour, state: OdometryState) -> Motion:
         pose = state.odom_from_robot
         self._points_m = self._memory.points_m(now_s, pose)
-        wish = self._wish(now_s, behaviour, state)
+        wish = self._limited(self._wish(now_s, behaviour, state))
         unseen_m = self._ground.unseen_m(pose)
         self._avoided = self._avoidance.step(
             now_s, wish, self._points_m, pose, state.speed_mps, self._steering_rad, unseen_m
         )
         return self._avoided.motion
+
+    def _limited(self, wish: Wish) -> Wish:
+        fastest, sharpest = self._config.max_speed_mps, self._car.max_steering_rad
+        motion = Motion(
+            max(-fastest, min(fastest, wish.motion.speed_mps)),
+            max(-sharpest, min(sharpest, wish.motion.steering_rad)),
+        )
+        return replace(wish, motion=motion)
 
     def _wish(self, now_s: float, behaviour: Behaviour, state: OdometryState) -> Wish:
         if behaviour is Behaviour.BY_HAND:

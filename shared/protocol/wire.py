@@ -27,6 +27,7 @@ _U32 = Number("I")
 _F32 = Number("f")
 _F64 = Number("d")
 _MILLI = Number("h", 0.001, allow_nan=True)  # ±32.767, "none" is a NaN
+_MILLI_KNOWN = Number("h", 0.001)  # cannot be "none"
 _CENTI = Number("h", 0.01, allow_nan=True)
 
 _POSE = Record(Pose2, (("x_m", _F32), ("y_m", _F32), ("theta_rad", _F32)))
@@ -52,8 +53,8 @@ REPORTS: dict[int, Record] = {
             ("sequence", _U32),
             ("stamp_s", _F64),
             ("odom_from_robot", _POSE),
-            ("speed_mps", _MILLI),
-            ("yaw_rate_radps", _MILLI),
+            ("speed_mps", _MILLI_KNOWN),
+            ("yaw_rate_radps", _MILLI_KNOWN),
             ("geometry", _GEOMETRY),
             ("ranges_m", DeltaSeries(0.001)),
             ("objects", _OBJECTS),
@@ -96,7 +97,7 @@ COMMANDS: dict[int, Record] = {
     65: Record(m.Stop, ()),
     66: Record(m.EmergencyStop, ()),
     67: Record(m.GoTo, (("goal_id", _U32), ("path", FloatTable(3)))),
-    68: Record(m.Drive, (("speed_mps", _MILLI), ("steering_rad", _MILLI))),
+    68: Record(m.Drive, (("speed_mps", _MILLI_KNOWN), ("steering_rad", _MILLI_KNOWN))),
     69: Record(m.Heartbeat, ()),
 }
 

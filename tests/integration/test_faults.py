@@ -120,6 +120,16 @@ def test_driving_by_hand_refuses_to_hit_a_wall(make_system: Callable[..., Lockst
     assert system.truth().distance_m > 0.5
 
 
+def test_an_order_to_race_is_limited_to_the_robots_speed(driving: Lockstep) -> None:
+    fastest = 0.0
+    driving.use_operator(lambda: driving.station.drive(30.0, 9.0))
+    for _ in range(100):
+        driving.run(0.02)
+        fastest = max(fastest, abs(driving.world.speed_mps()))
+    assert fastest < 0.5
+    assert driving.world.collisions.count == 0
+
+
 def test_a_robot_that_is_idle_does_not_move(make_system: Callable[..., Lockstep]) -> None:
     system = make_system()
     system.station.connect("loopback", 0)

@@ -81,6 +81,15 @@ def test_a_path_without_a_way_is_refused(mission: Mission) -> None:
     assert not in_command(mission).handle(GoTo(1, PATH[:1]), 0.0).accepted
 
 
+@pytest.mark.parametrize("far_m", [1.0, 1e30])
+def test_a_path_with_a_gap_is_refused(mission: Mission, far_m: float) -> None:
+    path = PATH.copy()
+    path[3, 0] = far_m
+    answer = in_command(mission).handle(GoTo(1, path), 0.0)
+    assert not answer.accepted
+    assert "gap" in answer.reason
+
+
 def test_driving_by_hand_holds_for_half_a_second(mission: Mission) -> None:
     in_command(mission).handle(Drive(0.2, 0.1), 5.0)
     assert mission.behaviour(5.4) is Behaviour.BY_HAND
