@@ -1,0 +1,191 @@
+"""SLAM by a Rao-Blackwellized particle filter (Grisetti, Stachniss and Burgard 2007, "GMapping").
+
+Every particle is a path and the map that follows from it. Once in a while all of them move, by a proposal that is
+matched on their own map, are weighted, and resampled when their effective number is low. The scans in between are
+matched on the best particle's map, and ride on its last step.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.geometry.se2 import Pose2
+from station_gui.mapping.scan import PointScan
+from station_gui.mapping.slam2d.base import MappingError
+from station_gui.mapping.slam2d.grid.occupancy_grid import OccupancyGrid
+from station_gui.mapping.slam2d.keyframes import Keyframe, Placed
+from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, to_lines
+from station_gui.mapping.slam2d.particle.ancestry import Ancestry
+from station_gui.mapping.slam2d.particle.blocks.block_maps import BlockMaps
+from station_gui.mapping.slam2d.particle.config import ParticleSlamConfig
+from station_gui.mapping.slam2d.particle.proposal.proposer import Proposer
+from station_gui.mapping.slam2d.particle.resampling import effective_number, normalised, systematic
+from station_gui.mapping.slam2d.se2_arrays import between, compose
+from station_gui.mapping.snapshot import GridMap
+
+FloatArray = NDArray[np.float64]
+
+
+class ParticleSlam:
+    """See `Slam`. The same scans and the same generator give the same poses bit for bit."""
+
+    def __init__(self, config: ParticleSlamConfig, rng: np.random.Generator) -> None:
+        self._config = config
+        self._rng = rng
+        self._maps = BlockMaps(config.maps, config.particles)
+        self._proposer = Proposer(config.proposal, self._maps)
+        self._ancestry = Ancestry()
+        self._ends = np.full(config.particles, -1, np.int64)  # the particles' newest nodes
+        self._poses = np.zeros((config.particles, 3))  # at the last step
+        self._log_weights = np.zeros(config.particles)  # since the last resampling
+        self._log_evidence = np.zeros(config.particles)  # of the whole path
+        self._best = 0
+        self._scans = Placed()
+        self._steps: list[Keyframe] = []
+        self._rel = np.zeros(3)  # the robot, in the frame of the last step
+        self._odometry_rel = np.zeros(3)  # the same by odometry alone
+        self._odometry = Pose2()
+        self._lost_scans = 0
+        self._revision = 0
+        self._path: tuple[int, FloatArray] = (0, np.zeros((0, 3)))  # the best one's after so many steps
+        self._grid = OccupancyGrid(config.grid)
+        self._grid_revision = 0  # that the grid was last drawn for
+
+    def add(self, scan: PointScan) -> Pose2:
+        """See `Slam.add`. Raises MappingError for a scan that holds anything but finite numbers."""
+        if not (np.isfinite(scan.points_m).all() and np.isfinite(scan.odom_from_robot.as_array()).all()):
+            raise MappingError(f"the scan at {scan.stamp_s:.3f} s holds numbers that are not finite")
+        lines = to_lines(scan.points_m, scan.origin_m, self._config.normals)
+        if len(self._scans) == 0:
+            self._begin(scan, lines)
+        else:
+            self._track(scan, lines)
+        self._odometry = scan.odom_from_robot
+        self._scans.append(len(self._steps) - 1, self._rel)
+        return Pose2.from_array(compose(self._poses[self._best], self._rel))
+
+    def finish(self) -> None:
+        """Draw the grid afresh, so that it depends on the scans alone."""
+        self._grid = OccupancyGrid(self._config.grid)
+
+    def pose_of_scan(self, index: int) -> Pose2:
+        return Pose2.from_array(compose(self._step_poses()[self._scans.node_of(index)], self._scans.in_node(index)))
+
+    def scan_poses(self) -> FloatArray:
+        """(scans, 3): every scan's pose on the best particle's path, map frame."""
+        return self._scans.poses(self._step_poses())
+
+    @property
+    def revision(self) -> int:
+        return self._revision
+
+    def trajectory(self) -> FloatArray:
+        return np.column_stack((np.array([step.stamp_s for step in self._steps]), self._step_poses()))
+
+    def closures(self) -> NDArray[np.int32]:
+        """None: a particle closes a loop by going on in its map."""
+        return np.zeros((0, 2), np.int32)
+
+    def grid(self) -> GridMap:
+        poses = self._step_poses()
+        drawn = self._grid.consumed
+        if self._grid_revision != self._revision:
+            self._grid.move(poses[:drawn])
+            self._grid_revision = self._revision
+        self._grid.add_all(self._steps[drawn:], poses[drawn:])
+        return self._grid.snapshot()
+
+    def _begin(self, scan: PointScan, lines: LineScan) -> None:
+        """All particles at the first odometry pose."""
+        self._poses[:] = scan.odom_from_robot.as_array()
+        self._record(scan, lines, np.ones(len(self._poses), bool))
+
+    def _track(self, scan: PointScan, lines: LineScan) -> None:
+        """Predict by odometry, correct on the best particle's map, and step when the robot has gone far enough."""
+        motion = (self._odometry.inverse() @ scan.odom_from_robot).as_array()
+        self._odometry_rel = compose(self._odometry_rel, motion)
+        predicted = compose(self._rel, motion)
+        believed = self._correct(lines, predicted, motion)
+        if len(lines.points_m) < self._config.proposal.min_points:
+            return
+        self._lost_scans = 0 if believed else self._lost_scans + 1
+        if self._gone_far():
+            self._step(scan, lines)
+
+    def _correct(self, lines: LineScan, predicted: FloatArray, motion: FloatArray) -> bool:
+        """Moves the robot; False where the prediction stands because the match does not deserve belief."""
+        self._rel = predicted
+        if len(lines.points_m) < self._config.proposal.min_points:
+            return False
+        base = self._poses[self._best]
+        sigma = self._proposer.odometry_sigma(motion)
+        match = self._proposer.track(self._best, lines, compose(base, predicted), sigma)
+        if match.share < self._config.proposal.lost_share or not np.isfinite(match.pose).all():
+            return False
+        self._rel = between(base, match.pose)
+        return True
+
+    def _gone_far(self) -> bool:
+        config = self._config.update
+        way_m = max(float(np.hypot(*self._rel[:2])), float(np.hypot(*self._odometry_rel[:2])))
+        return way_m >= config.distance_m or abs(float(self._rel[2])) >= config.turn_rad
+
+    def _step(self, scan: PointScan, lines: LineScan) -> None:
+        """Algorithm 1: propose, weigh, resample, extend the maps."""
+        log_factors, matched = self._propose(lines)
+        gained = self._config.update.weight_gain * (log_factors - log_factors.max())
+        self._log_weights += gained
+        self._log_evidence += gained
+        weights = normalised(self._log_weights)
+        best_before = int(self._ends[self._best])
+        wanting = effective_number(weights) < self._config.update.resample_share * len(weights)
+        if wanting or self._maps.nearly_full:
+            matched = matched[self._resample(weights)]
+        self._best = int(np.argmax(self._log_evidence))
+        if int(self._ends[self._best]) != best_before:
+            self._revision += 1
+        self._record(scan, lines, matched)
+
+    def _propose(self, lines: LineScan) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """(N,) factors of the weights and (N,) whether the match was believed; the particles move."""
+        sigma = self._proposer.odometry_sigma(self._odometry_rel)
+        deviates = self._rng.standard_normal(self._poses.shape)
+        log_factors = np.zeros(len(self._poses))
+        matched = np.zeros(len(self._poses), bool)
+        for particle, base in enumerate(self._poses.copy()):
+            start, prior = compose(base, self._rel), compose(base, self._odometry_rel)
+            proposed = self._proposer.propose(particle, lines, start, prior, sigma, deviates[particle])
+            self._poses[particle] = proposed.pose
+            log_factors[particle] = proposed.log_weight
+            matched[particle] = proposed.matched
+        return log_factors, matched
+
+    def _resample(self, weights: FloatArray) -> NDArray[np.int64]:
+        parents = systematic(weights, float(self._rng.random()))
+        self._maps.adopt(parents)
+        self._poses = self._poses[parents]
+        self._ends = self._ends[parents]
+        self._log_evidence = self._log_evidence[parents]
+        self._log_weights = np.zeros(len(parents))
+        return parents
+
+    def _record(self, scan: PointScan, lines: LineScan, matched: NDArray[np.bool_]) -> None:
+        """A new node for every particle; a scan that does not fit stays out of the map for a while."""
+        self._ends = self._ancestry.extend(self._ends, self._poses)
+        patient = self._lost_scans <= self._config.update.patience_scans
+        for particle, pose in enumerate(self._poses):
+            if matched[particle] or not patient:
+                self._maps.insert(particle, lines, pose)
+        points, normals = lines.points_m.astype(np.float32), lines.normals.astype(np.float32)
+        self._steps.append(Keyframe(scan.stamp_s, len(self._steps), np.zeros(3), points, normals, scan.origin_m))
+        self._rel = np.zeros(3)
+        self._odometry_rel = np.zeros(3)
+
+    def _step_poses(self) -> FloatArray:
+        """(steps, 3): the best particle's path."""
+        if not self._steps:
+            return np.zeros((0, 3))
+        if self._path[0] != len(self._steps):
+            self._path = (len(self._steps), self._ancestry.path(int(self._ends[self._best])))
+        return self._path[1]

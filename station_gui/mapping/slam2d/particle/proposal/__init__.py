@@ -1,0 +1,1 @@
+"""Where a particle goes next: matching on its own map and sampling round the match."""
