@@ -5,18 +5,29 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from shared.link.base import Link
 from shared.link.tcp import TcpClientLink
 from shared.runtime.clock import Clock, wall_clock_name
 from station_gui.config import StationConfig
 from station_gui.mapping.pipeline import MappingPipeline
+from station_gui.mapping.slam2d.base import Slam
 from station_gui.mapping.slam2d.graph_slam import GraphSlam
+from station_gui.mapping.slam2d.particle.particle_slam import ParticleSlam
 from station_gui.model.station import MakeLink, NameRecording, Station
 from station_gui.planning.path_planner import PathPlanner
 
 
 def build_pipeline(config: StationConfig) -> MappingPipeline:
-    return MappingPipeline(GraphSlam(config.slam), config.combine)
+    return MappingPipeline(build_slam(config), config.combine)
+
+
+def build_slam(config: StationConfig) -> Slam:
+    """The SLAM that `method` names."""
+    if config.method == "particle":
+        return ParticleSlam(config.particle_slam, np.random.default_rng(config.particle_slam.seed))
+    return GraphSlam(config.slam)
 
 
 def build_station(

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 from shared.config import load
 from shared.geometry.ackermann import CarGeometry
 from station_gui.comms.session import SessionConfig
 from station_gui.mapping.objects.combine import CombineConfig
 from station_gui.mapping.slam2d.config import GraphSlamConfig
+from station_gui.mapping.slam2d.particle.config import ParticleSlamConfig
 from station_gui.planning.path_planner import PlannerConfig
 from station_gui.views.config import WindowConfig
 
@@ -24,8 +26,10 @@ class RecordingConfig:
 @dataclass(frozen=True, slots=True)
 class StationConfig:
     car: CarGeometry
+    method: Literal["graph", "particle"] = "graph"  # of 2D SLAM
     session: SessionConfig = field(default_factory=SessionConfig)
     slam: GraphSlamConfig = field(default_factory=GraphSlamConfig)
+    particle_slam: ParticleSlamConfig = field(default_factory=ParticleSlamConfig)
     combine: CombineConfig = field(default_factory=CombineConfig)
     planner: PlannerConfig = field(default_factory=PlannerConfig)
     window: WindowConfig = field(default_factory=WindowConfig)

@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from station_gui.mapping.scan import to_points
 from station_gui.mapping.slam2d.config import GraphSlamConfig
 from station_gui.mapping.slam2d.graph_slam import GraphSlam
+from station_gui.mapping.slam2d.particle.config import ParticleSlamConfig
+from station_gui.mapping.slam2d.particle.particle_slam import ParticleSlam
 from station_gui.mapping.slam2d.se2_arrays import between
 from tools.logs.base import LogError
 from tools.logs.carmen import CarmenReader
@@ -61,6 +63,8 @@ class Run:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("log", type=Path, help="CARMEN log, plain, .gz or .bz2")
     parser.add_argument("--relations", type=Path, required=True, help="relations made by hand: t1 t2 x y z r p yaw")
+    parser.add_argument("--method", choices=("graph", "particle"), default="graph", help="of SLAM (default: graph)")
+    parser.add_argument("--seed", type=_seed, default=0, help="of the particle filter (default: 0)")
     parser.add_argument("--trajectory", type=Path, help="write `time x y z qx qy qz qw` of every scan to this file")
     parser.add_argument("--json", action="store_true", help="print the figures as one JSON object")
 
@@ -68,7 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     try:
         relations = read_relations(args.relations)
-        result = play(args.log, GraphSlamConfig())
+        result = play(args.log, make_slam(args.method, args.seed))
         figures = asdict(summarise(result, relations))
     except LogError as error:
         print(error, file=sys.stderr)
@@ -86,10 +90,23 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def play(log: Path, config: GraphSlamConfig) -> Run:
+def _seed(text: str) -> int:
+    seed = int(text)
+    if seed < 0:
+        raise argparse.ArgumentTypeError(f"a seed is not negative: {seed}")
+    return seed
+
+
+def make_slam(method: str, seed: int) -> GraphSlam | ParticleSlam:
+    """`method` with the parameters that it is shipped with; `seed`: of the particle filter."""
+    if method == "particle":
+        return ParticleSlam(ParticleSlamConfig(), np.random.default_rng(seed))
+    return GraphSlam(GraphSlamConfig())
+
+
+def play(log: Path, slam: GraphSlam | ParticleSlam) -> Run:
     """The whole log through the shipped SLAM, in the order of the file."""
     reader = CarmenReader(log)
-    slam = GraphSlam(config)
     stamps, steps = [], []
     for observation in reader:
         began_s = time.perf_counter()

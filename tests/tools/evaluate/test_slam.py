@@ -88,3 +88,28 @@ def test_relations_of_another_log_are_refused(tmp_path: Path, capsys: pytest.Cap
     relations.write_text("1.0 2.0 0 0 0 0 0 0\n")
     assert _run(str(_log(tmp_path / "a.clf", 2)), "--relations", str(relations)) == 2
     assert "no relation names two stamps" in capsys.readouterr().err
+
+
+def test_the_particle_filter_gives_the_same_figures_and_the_same_trajectory_for_a_seed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, relations = _log(tmp_path / "a.clf", 20), tmp_path / "a.relations"
+    relations.write_text("100.0 110.0 0 0 0 0 0 0\n")
+    written = []
+    for name in ("one.tum", "two.tum"):
+        words = ["--method", "particle", "--seed", "3", "--trajectory", str(tmp_path / name), "--json"]
+        assert _run(str(log), "--relations", str(relations), *words) == 0
+        written.append((tmp_path / name).read_bytes())
+    figures = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert figures["translation_mean_m"] < 0.005
+    assert figures["loop_closures"] == 0
+    assert written[0] == written[1]
+
+
+@pytest.mark.parametrize("words", [("--method", "kalman"), ("--seed", "-1"), ("--seed", "x")], ids=str)
+def test_unknown_methods_and_seeds_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, str]
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        _run("a.clf", "--relations", "a.relations", *words)
+    assert words[0] in capsys.readouterr().err
