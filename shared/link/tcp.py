@@ -12,7 +12,8 @@ from shared.link.base import LinkError, LinkStatistics
 from shared.protocol.frame import FrameParser, pack
 from shared.runtime.clock import Clock
 
-_OUT_LIMIT_BYTES = 262_144  # what may wait for a slow network
+_BACKLOG_BYTES = 16_384  # what may wait for a slow network: on one that stalls old data is worth nothing
+_SEND_BUFFER_BYTES = 32_768  # the kernel's own share of that; it would take megabytes
 _READ_BYTES = 65_536
 _SILENT_PEER_S = 1.5  # after this a newcomer takes the place of a peer that says nothing
 
@@ -23,6 +24,7 @@ class _Peer:
     def __init__(self, sock: socket.socket, name: str, statistics: LinkStatistics) -> None:
         sock.setblocking(False)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
         self.sock = sock
         self.name = name
         self._statistics = statistics
@@ -34,7 +36,8 @@ class _Peer:
     def send(self, datagram: bytes) -> bool:
         frame = pack(datagram)
         with self._out_lock:
-            if len(self._out) + len(frame) > _OUT_LIMIT_BYTES:
+            self._flush()
+            if self._out and len(self._out) + len(frame) > _BACKLOG_BYTES:
                 return False
             self._out += frame
             self._flush()

@@ -167,3 +167,17 @@ def test_foreign_bytes_are_dropped_and_counted(server: TcpServerLink) -> None:
         assert server.statistics.dropped_bytes > 0
     with contextlib.suppress(LinkError):
         server.receive(0.0)
+
+
+def test_on_a_stalled_network_little_is_queued(server: TcpServerLink) -> None:
+    station = TcpClientLink("127.0.0.1", server.port, 2.0)
+    server.receive(1.0)
+    taken = 0
+    while server.send(bytes(1000)):
+        taken += 1
+        assert taken < 8000
+    # What the two kernels' own buffers hold cannot be helped; ours adds no more than 16 of these.
+    peer = server._peer
+    assert peer is not None
+    assert len(peer._out) <= 16_384
+    station.close()
