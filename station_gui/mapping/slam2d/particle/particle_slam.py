@@ -56,7 +56,8 @@ class ParticleSlam:
         """See `Slam.add`. Raises MappingError for a scan that holds anything but finite numbers."""
         if not (np.isfinite(scan.points_m).all() and np.isfinite(scan.odom_from_robot.as_array()).all()):
             raise MappingError(f"the scan at {scan.stamp_s:.3f} s holds numbers that are not finite")
-        lines = to_lines(scan.points_m, scan.origin_m, self._config.normals)
+        near = np.abs(scan.points_m).max(axis=1, initial=0.0) <= self._config.proposal.max_range_m
+        lines = to_lines(scan.points_m[near], scan.origin_m, self._config.normals)
         if len(self._scans) == 0:
             self._begin(scan, lines)
         else:

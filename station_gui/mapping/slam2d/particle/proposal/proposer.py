@@ -25,6 +25,7 @@ class ProposalConfig:
     point_weight: float = 0.3  # of a surfel without a normal, against one with
     max_iterations: int = 20
     min_points: int = 12
+    max_range_m: float = 100.0  # farther points are of no scanner that maps rooms
     doubtful_share: float = 0.8  # below this share of inliers the neighbourhood is searched
     better_share: float = 0.05  # what the search must win to be believed against the prediction
     lost_share: float = 0.3  # below this the odometry is believed
