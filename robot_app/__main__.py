@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import logging
 import os
+import secrets
 import sys
 from contextlib import ExitStack
 from pathlib import Path
@@ -61,7 +62,7 @@ def _drive(config: RobotConfig, args: argparse.Namespace) -> int:
         opened.callback(link.close)
         hardware = open_hardware(config.devices, config.car, clock)
         opened.callback(hardware.close)
-        app = RobotApp(hardware, link, clock, config, np.random.default_rng())
+        app = RobotApp(hardware, link, clock, config, np.random.default_rng(), secrets.randbits(32))
         _log.info("compiling; this takes a while the first time")
         app.warm_up()
         service = ServiceManager(os.environ.get("NOTIFY_SOCKET"))

@@ -9,15 +9,17 @@ from collections.abc import Callable
 from importlib.metadata import version
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robot_app import schedule
 from robot_app.config import RobotConfig
-from robot_app.drivers.base import Hardware, PowerSample, RawScan, TemperatureSample
+from robot_app.drivers.base import DeviceError, Hardware, PowerSample, RawScan, TemperatureSample
 from robot_app.mission import Mission
 from robot_app.perception.object_extractor import ObjectExtractor
 from robot_app.pilot import Pilot
 from robot_app.pilot import warm_up as warm_up_control
 from robot_app.safety.guard import Guard
+from robot_app.safety.stall import StallWatch
 from robot_app.sensing.observation import observe
 from robot_app.sensing.odometry import Odometry
 from robot_app.sensing.scan_filter import thin, thinned_geometry
@@ -41,6 +43,7 @@ from shared.runtime.runner import OnFault, Row, Task, TaskHealth
 _log = logging.getLogger(__name__)
 _READ_TIMEOUT_S = 0.015
 _LOCK_TIMEOUT_S = 0.05
+_RUNNING = {MissionState.OBSERVE, MissionState.COMMAND}
 _CONTROL_HUNG_S = 0.25  # without a control tick for so long the motor is cut from another thread
 
 
@@ -48,8 +51,16 @@ class RobotApp:
     """Cannot tell a real robot from a simulated one."""
 
     def __init__(
-        self, hardware: Hardware, link: Link, clock: Clock, config: RobotConfig, rng: np.random.Generator
+        self,
+        hardware: Hardware,
+        link: Link,
+        clock: Clock,
+        config: RobotConfig,
+        rng: np.random.Generator,
+        boot_id: int,
     ) -> None:
+        """`boot_id`: below 2**32, another one at each start of the app."""
+        self._boot_id = boot_id
         self._hardware = hardware
         self._clock = clock
         self._config = config
@@ -58,7 +69,8 @@ class RobotApp:
         self._mission = Mission(config.mission)
         self._pilot = Pilot(config.car, config.control, self._mission, self._odometry)
         self._extractor = ObjectExtractor(config.perception, hardware.camera.intrinsics, config.camera, rng)
-        self._guard = Guard(config.safety, clock.now_s())
+        self._guard = Guard(config.safety, schedule.SCAN.max_age_s, schedule.ODOMETRY.max_age_s, clock.now_s())
+        self._stall = StallWatch(config.safety.stall)
         hello = Hello(
             config.name, version("low-bandwidth-mapper"), config.car.footprint_m(), config.car.min_turning_radius_m
         )
@@ -70,6 +82,8 @@ class RobotApp:
         self._drive_lock = threading.Lock()
         self._standing_reason = StopReason.NONE
         self._control_s = clock.now_s()
+        self._last_ranges_m: NDArray[np.float32] | None = None
+        self._is_shut = False
         self._sequence = 0
         self._observed_scan_s = -math.inf
         self._sent_objects_s = -math.inf
@@ -113,10 +127,15 @@ class RobotApp:
         if row.on_fault is OnFault.HALT:
             self._cut_motor()
 
-    def shut_down(self) -> None:
-        """Stop the car and say so; call it after the tasks have ended."""
-        self._cut_motor()
+    def stop_for_good(self) -> None:
+        """Cut the motor and keep it cut, whatever the tasks still do; the first thing to call at the end."""
+        self._is_shut = True
         self._mission.halt(StopReason.SHUTDOWN)
+        self._cut_motor()
+
+    def shut_down(self) -> None:
+        """Say that it is over and let go of the devices; call it after the tasks have ended."""
+        self.stop_for_good()
         self._report()
         self._hardware.close()
 
@@ -129,8 +148,15 @@ class RobotApp:
 
     def _read_scan(self) -> None:
         raw = self._hardware.scanner.read(_READ_TIMEOUT_S)
-        if raw is not None:
+        if raw is not None and self._can_see(raw):
             self._scan.put(thin(raw, self._hardware.scanner.geometry, self._config.scan_filter), raw.stamp_s)
+
+    def _can_see(self, raw: RawScan) -> bool:
+        """A covered scanner sends scans too, and one that hangs may send the same again: noise repeats nothing."""
+        last, self._last_ranges_m = self._last_ranges_m, raw.ranges_m
+        if last is not None and np.array_equal(raw.ranges_m, last, equal_nan=True):
+            return False
+        return int(np.isfinite(raw.ranges_m).sum()) >= self._config.safety.min_beams
 
     def _control(self) -> None:
         now_s = self._clock.now_s()
@@ -144,11 +170,21 @@ class RobotApp:
                 self._hardware.drive.stop()
                 self._pilot.cut()
             else:
-                self._hardware.drive.set(self._pilot.step(now_s, may_move=reason is StopReason.NONE))
+                self._drive(now_s, may_move=reason is StopReason.NONE)
+
+    def _drive(self, now_s: float, may_move: bool) -> None:
+        setting = self._pilot.step(now_s, may_move)
+        if not (math.isfinite(setting.duty) and math.isfinite(setting.steering_rad)):
+            raise ValueError(f"the controllers ask for {setting}, which is no setting")
+        applied = self._hardware.drive.set(setting)
+        if self._stall.update(now_s, applied.duty, self._odometry.state.speed_mps):
+            self._mission.halt(StopReason.STALLED)
+            self._hardware.drive.stop()
+            self._pilot.cut()
 
     def _take_commands(self) -> None:
         now_s = self._clock.now_s()
-        self._uplink.receive(self._handle, lambda: self._guard.heard(now_s))
+        self._uplink.receive(self._handle, lambda: self._guard.heard(now_s), self._change_hands)
         self._uplink.greet(now_s)
         if now_s - self._control_s > _CONTROL_HUNG_S:
             self._hardware.drive.stop()  # without the lock, which the hung thread may hold
@@ -165,7 +201,7 @@ class RobotApp:
         objects = self._objects.stamped()
         if objects is not None and not self._is_news(objects.stamp_s):
             objects = None
-        observation = observe(self._sequence, scan.value, self._geometry, objects, self._odometry)
+        observation = observe(self._sequence, scan.value, self._geometry, objects, self._odometry, self._boot_id)
         if observation is None:
             return
         self._observed_scan_s = scan.stamp_s
@@ -219,13 +255,19 @@ class RobotApp:
             _log.warning("stopped by the operator")
         return answer.accepted, answer.reason
 
+    def _change_hands(self) -> None:
+        """Another station speaks: it must start the mission itself."""
+        if self._mission.state in _RUNNING:
+            _log.warning("another station has taken over; the mission stops")
+            self._mission.halt(StopReason.COMMAND_SILENCE)
+
     def _reason_to_stand(self, now_s: float) -> StopReason:
         reason = self._guard.reason_to_stand(now_s, self._scan.age_s(now_s), self._odometry.age_s(now_s))
         if reason is not self._standing_reason:
             self._standing_reason = reason
-            if self._mission.state in {MissionState.OBSERVE, MissionState.COMMAND}:
+            if self._mission.state in _RUNNING:
                 _log.warning("standing: %s", reason.name if reason is not StopReason.NONE else "may move again")
-        running = self._mission.state in {MissionState.OBSERVE, MissionState.COMMAND}
+        running = self._mission.state in _RUNNING
         if running and self._guard.silence_s(now_s) > self._config.safety.resume_within_s:
             self._mission.halt(StopReason.COMMAND_SILENCE)
         return reason
@@ -241,8 +283,9 @@ class RobotApp:
 
     def _must_cut(self, now_s: float) -> bool:
         """Braking by the speed loop needs the speed: without it, or in an emergency, the motor is cut instead."""
-        emergency = self._mission.state is MissionState.HALTED and self._mission.stop_reason is StopReason.EMERGENCY
-        return emergency or self._odometry.age_s(now_s) > self._config.safety.odometry_max_age_s
+        halted = self._mission.state is MissionState.HALTED
+        at_once = halted and self._mission.stop_reason in {StopReason.EMERGENCY, StopReason.STALLED}
+        return self._is_shut or at_once or self._odometry.age_s(now_s) > schedule.ODOMETRY.max_age_s
 
     def _is_news(self, objects_stamp_s: float) -> bool:
         fresh = self._clock.now_s() - objects_stamp_s <= schedule.DEPTH.max_age_s
@@ -265,7 +308,8 @@ class RobotApp:
             try:
                 step()
             except Exception as error:
-                self._guard.fault_began(row.name, str(error))
+                reason = StopReason.DEVICE_FAULT if isinstance(error, DeviceError) else StopReason.TASK_FAULT
+                self._guard.fault_began(row.name, reason, str(error))
                 raise
             self._guard.fault_ended(row.name)
 

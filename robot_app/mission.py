@@ -172,6 +172,7 @@ class Mission:
         if self._state not in {MissionState.OBSERVE, MissionState.COMMAND}:
             return Answer(False, "press start before driving by hand")
         motion = Motion(command.speed_mps, command.steering_rad)
+        self._order = None  # who takes the wheel has other plans than the path
         self._drive = (motion, now_s + self._config.drive_hold_s)
         return _YES
 

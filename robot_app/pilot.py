@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -112,6 +113,8 @@ class Pilot:
         return self._avoided.motion
 
     def _limited(self, wish: Wish) -> Wish:
+        if not (math.isfinite(wish.motion.speed_mps) and math.isfinite(wish.motion.steering_rad)):
+            raise ValueError(f"{self._behaviour.value} asks for {wish.motion}, which is no motion")
         fastest, sharpest = self._config.max_speed_mps, self._car.max_steering_rad
         motion = Motion(
             max(-fastest, min(fastest, wish.motion.speed_mps)),

@@ -43,6 +43,7 @@ def run_robot(
         service.ready()
         _look_after(runner.health, clock, stop, service)
     finally:
+        app.stop_for_good()
         service.stopping()
         left = runner.stop()
         app.shut_down()

@@ -49,6 +49,7 @@ class StopReason(IntEnum):
     BLOCKED = 8
     TASK_FAULT = 9
     SHUTDOWN = 10
+    STALLED = 11  # the motor gets current and the encoders do not count
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +107,7 @@ class Observation:
     ranges_m: NDArray[np.float32]  # (B,); NaN where the scanner measured nothing
     objects: ObjectNetwork
     has_objects: bool  # False when no depth image was fresh enough: "saw none" is not "did not look"
+    boot_id: int = 0  # drawn by the app when it starts: another one is another odom frame, and a new map
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ranges_m", _frozen(self.ranges_m, np.dtype(np.float32)))

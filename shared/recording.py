@@ -26,6 +26,7 @@ _CHUNK_BYTES = 8_192
 _PROFILE = "low-bandwidth-mapper"
 _ENCODING = "low-bandwidth-mapper.datagram"
 _HEAD = "mission"
+_MOST_OF_A_NAME = 10_000
 _RECORD_LIMIT_BYTES = 4_194_304
 _BROKEN = (McapError, CRCValidationError, struct.error, EOFError, ValueError, OSError)
 
@@ -35,15 +36,18 @@ class RecordingError(Exception):
 
 
 class Recorder:
-    """Writes one mission; not thread-safe. `wall_ns` is the time of day at station time zero."""
+    """Writes one mission; not thread-safe. `wall_ns` is the time of day at station time zero.
+
+    Where a file of that name exists the name gets a number: a recording is never written over.
+    """
 
     def __init__(self, path: Path, head: dict[str, str], wall_ns: int) -> None:
-        self.path = path
         self.error: str | None = None  # set when the disk refused; recording has ended then, the mission goes on
         self._wall_ns = wall_ns
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file: BinaryIO | None = path.open("wb")
+            self.path = _unused(path)
+            self._file: BinaryIO | None = self.path.open("xb")
         except OSError as error:
             raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
         self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
@@ -89,6 +93,11 @@ class Recorder:
             with contextlib.suppress(OSError):
                 self._file.close()
             self._file = None
+
+
+def _unused(path: Path) -> Path:
+    names = (path, *(path.with_stem(f"{path.stem}-{i}") for i in range(2, _MOST_OF_A_NAME)))
+    return next((name for name in names if not name.exists()), path)
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from station_gui.planning.path_planner import PathPlanner
 
 
 def build_pipeline(config: StationConfig) -> MappingPipeline:
-    return MappingPipeline(build_slam(config), config.combine)
+    return MappingPipeline(partial(build_slam, config), config.combine)
 
 
 def build_slam(config: StationConfig) -> Slam:

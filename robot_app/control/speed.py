@@ -31,7 +31,12 @@ class SpeedController:
         self._last_s: float | None = None
 
     def step(self, now_s: float, target_mps: float, measured_mps: float) -> float:
-        """The duty in [-1, 1]; exactly 0 when the car is to stand and stands."""
+        """The duty in [-1, 1]; exactly 0 when the car is to stand and stands.
+
+        Raises `ValueError` for what is no number: clamping would make full power of it.
+        """
+        if not (math.isfinite(target_mps) and math.isfinite(measured_mps)):
+            raise ValueError(f"a speed of {target_mps} m/s is asked for and one of {measured_mps} m/s measured")
         step_s = 0.0 if self._last_s is None else min(max(now_s - self._last_s, 0.0), 0.1)
         self._last_s = now_s
         self._reference_mps = self._slew(target_mps, step_s)

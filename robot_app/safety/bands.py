@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from robot_app.safety.stall import StallConfig
+
+_LONGEST_SILENCE_S = 5.0
+_LONGEST_ABSENCE_S = 120.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,16 +41,26 @@ class BandWatch:
 
 @dataclass(frozen=True, slots=True)
 class SafetyConfig:
-    """A Pi throttles from 80 °C on (paper 1, section 4.3); two LiFe cells are empty at about 5.8 V under load."""
+    """A Pi throttles from 80 °C on (paper 1, section 4.3); two LiFe cells are empty at about 5.8 V under load.
+
+    How old a scan and the odometry may be is written in the schedule.
+    """
 
     over_temperature_c: Band = Band(85.0, 75.0)
     low_battery_v: Band = Band(5.6, 6.2)
-    scan_max_age_s: float = 0.20
-    odometry_max_age_s: float = 0.10
+    stall: StallConfig = field(default_factory=StallConfig)
+    min_beams: int = 12  # a scan with fewer echoes is that of a covered scanner
     command_silence_s: float = 1.0  # without a word from the station for so long the car stands
     resume_within_s: float = 15.0  # a longer silence ends the mission
 
     def __post_init__(self) -> None:
-        for name in ("scan_max_age_s", "odometry_max_age_s", "command_silence_s", "resume_within_s"):
-            if getattr(self, name) <= 0:
-                raise ValueError(f"{name} must be positive")
+        if self.over_temperature_c.enter < self.over_temperature_c.leave:
+            raise ValueError("over_temperature_c.enter must be above leave")
+        if self.low_battery_v.enter > self.low_battery_v.leave:
+            raise ValueError("low_battery_v.enter must be below leave")
+        if self.min_beams < 1:
+            raise ValueError("min_beams must be at least 1")
+        if not 0 < self.command_silence_s <= _LONGEST_SILENCE_S:
+            raise ValueError(f"command_silence_s must be above 0 and at most {_LONGEST_SILENCE_S}")
+        if not 0 < self.resume_within_s <= _LONGEST_ABSENCE_S:
+            raise ValueError(f"resume_within_s must be above 0 and at most {_LONGEST_ABSENCE_S}")

@@ -11,12 +11,14 @@ from shared.messages import StopReason
 class Guard:
     """Collects what speaks against moving. The first reason of the table below that stands is the one reported."""
 
-    def __init__(self, config: SafetyConfig, now_s: float) -> None:
+    def __init__(self, config: SafetyConfig, scan_max_age_s: float, odometry_max_age_s: float, now_s: float) -> None:
         self._config = config
+        self._scan_max_age_s = scan_max_age_s
+        self._odometry_max_age_s = odometry_max_age_s
         self._heat = BandWatch(config.over_temperature_c)
         self._battery = BandWatch(config.low_battery_v)
         self._heard_s = now_s
-        self._faults: dict[str, str] = {}
+        self._faults: dict[str, tuple[StopReason, str]] = {}
         self._lock = threading.Lock()
 
     def heard(self, now_s: float) -> None:
@@ -32,10 +34,10 @@ class Guard:
     def take_battery(self, battery_v: float) -> None:
         self._battery.update(battery_v)
 
-    def fault_began(self, task: str, text: str) -> None:
+    def fault_began(self, task: str, reason: StopReason, text: str) -> None:
         """A task without which the car must not move has failed."""
         with self._lock:
-            self._faults[task] = text
+            self._faults[task] = (reason, text)
 
     def fault_ended(self, task: str) -> None:
         with self._lock:
@@ -44,15 +46,20 @@ class Guard:
     @property
     def faults(self) -> tuple[str, ...]:
         with self._lock:
-            return tuple(self._faults.values())
+            return tuple(text for _, text in self._faults.values())
+
+    def _first_fault(self) -> StopReason:
+        with self._lock:
+            return next((reason for reason, _ in self._faults.values()), StopReason.NONE)
 
     def reason_to_stand(self, now_s: float, scan_age_s: float, odometry_age_s: float) -> StopReason:
         """`StopReason.NONE` when nothing speaks against moving."""
         config = self._config
+        fault = self._first_fault()
         reasons = (
-            (StopReason.DEVICE_FAULT, bool(self.faults)),
-            (StopReason.SENSOR_STALE, scan_age_s > config.scan_max_age_s),
-            (StopReason.SENSOR_STALE, odometry_age_s > config.odometry_max_age_s),
+            (fault, fault is not StopReason.NONE),
+            (StopReason.SENSOR_STALE, scan_age_s > self._scan_max_age_s),
+            (StopReason.SENSOR_STALE, odometry_age_s > self._odometry_max_age_s),
             (StopReason.OVER_TEMPERATURE, self._heat.inside),
             (StopReason.LOW_BATTERY, self._battery.inside),
             (StopReason.COMMAND_SILENCE, self.silence_s(now_s) > config.command_silence_s),

@@ -17,6 +17,7 @@ def observe(
     geometry: ScanGeometry,
     objects: Stamped[ObjectNetwork] | None,
     odometry: Odometry,
+    boot_id: int,
 ) -> Observation | None:
     """The observation at the scan's stamp; None when the odometry does not reach back to it.
 
@@ -40,6 +41,7 @@ def observe(
         ranges_m=scan.ranges_m,
         objects=network,
         has_objects=seen is not None,
+        boot_id=boot_id,
     )
 
 

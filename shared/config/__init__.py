@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import enum
+import math
 import tomllib
 import types
 import typing
@@ -96,8 +97,8 @@ def _convert_scalar(value: Any, hint: Any, name: str) -> Any:
         value = float(value)
     if type(value) is not hint:
         raise ConfigError(f"{name} must be {_type_name(hint)}, not {_shown(value)}")
-    if hint is float and value != value:  # noqa: PLR0124 - NaN is a legal TOML float and never a legal setting
-        raise ConfigError(f"{name} must be a number, not nan")
+    if hint is float and not math.isfinite(value):  # both are legal in TOML and never a legal setting
+        raise ConfigError(f"{name} must be a number, not {value}")
     return value
 
 

@@ -14,7 +14,7 @@ from shared.runtime.clock import Clock
 
 _BACKLOG_BYTES = 16_384  # what may wait for a slow network: on one that stalls old data is worth nothing
 _SEND_BUFFER_BYTES = 32_768  # the kernel's own share of that; it would take megabytes
-_READ_BYTES = 65_536
+_READ_BYTES = 4_096  # parsing more at a time would hold up the other tasks
 _SILENT_PEER_S = 1.5  # after this a newcomer takes the place of a peer that says nothing
 
 
@@ -65,12 +65,12 @@ class _Peer:
     def pop(self) -> bytes | None:
         return self._arrived.popleft() if self._arrived else None
 
-    def read(self) -> bool:
-        """Take what the socket has; True when anything came."""
+    def read(self) -> None:
+        """Take some of what the socket has."""
         try:
             data = self.sock.recv(_READ_BYTES)
         except BlockingIOError:
-            return False
+            return
         except OSError as error:
             raise LinkError(f"{self.name}: connection lost: {error.strerror or error}") from error
         if not data:
@@ -81,7 +81,6 @@ class _Peer:
         self._statistics.received_bytes += len(data)
         self._statistics.received_datagrams += len(datagrams)
         self._statistics.dropped_bytes += self._parser.dropped_bytes - dropped
-        return True
 
     def close(self) -> None:
         with contextlib.suppress(OSError):
@@ -206,11 +205,13 @@ class TcpServerLink:
             return None
         try:
             peer.flush()
-            if peer.read():
-                self._heard_s = self._clock.now_s()
+            peer.read()
         except LinkError:
             self._drop(peer)
-        return peer.pop()
+        datagram = peer.pop()
+        if datagram is not None:  # bytes that make no frame are no sign of a station
+            self._heard_s = self._clock.now_s()
+        return datagram
 
     def _drop(self, peer: _Peer) -> None:
         if self._peer is peer:

@@ -59,6 +59,7 @@ REPORTS: dict[int, Record] = {
             ("ranges_m", DeltaSeries(0.001)),
             ("objects", _OBJECTS),
             ("has_objects", Flag()),
+            ("boot_id", _U32),
         ),
     ),
     2: Record(

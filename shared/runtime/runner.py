@@ -115,9 +115,10 @@ class ThreadRunner:
     def stop(self) -> list[str]:
         """End all tasks; returns the names of those that did not end in time."""
         self._stop.set()
+        until_s = stopwatch_s() + _JOIN_TIMEOUT_S  # for all of them together
         for thread in self._threads:
             if thread.ident is not None and thread is not threading.current_thread():
-                thread.join(_JOIN_TIMEOUT_S)
+                thread.join(max(0.0, until_s - stopwatch_s()))
         return [thread.name for thread in self._threads if thread.is_alive()]
 
     def _run(self, guarded: _Guarded) -> None:

@@ -8,13 +8,12 @@ from __future__ import annotations
 import itertools
 import math
 import threading
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from shared.link.base import Link, LinkError
-from shared.messages import Ack, Command, EmergencyStop, Heartbeat, NumberedCommand, Report
+from shared.link.base import MAX_DATAGRAM_BYTES, Link, LinkError
+from shared.messages import Ack, Command, EmergencyStop, Heartbeat, NumberedCommand, Report, Stop
 from shared.protocol.codec import Decoder, encode
 from shared.protocol.wire import VERSION
 from shared.runtime.clock import Clock
@@ -48,8 +47,13 @@ class Listener(Protocol):
 class _Pending:
     number: int
     command: Command
+    datagram: bytes
     sent_s: float = -math.inf
     tries: int = 0
+
+    @property
+    def is_stop(self) -> bool:
+        return isinstance(self.command, Stop | EmergencyStop)
 
 
 Connect = Callable[[], Link]
@@ -60,19 +64,26 @@ _DATAGRAMS_PER_STEP = 256
 class Session:
     """One robot, one link at a time."""
 
-    def __init__(self, config: SessionConfig, clock: Clock, listener: Listener, first_number: int) -> None:
+    def __init__(
+        self,
+        config: SessionConfig,
+        clock: Clock,
+        listener: Listener,
+        first_number: int,
+        operator_is_there: Callable[[], bool] = lambda: True,
+    ) -> None:
         self._config = config
         self._clock = clock
         self._listener = listener
         self._numbers = itertools.count(first_number)
         self._lock = threading.Lock()
-        self._outbox: deque[Command] = deque(maxlen=_MAX_PENDING)
+        self._operator_is_there = operator_is_there
         self._connect: Connect | None = None
         self._link: Link | None = None
         self._generation = 0  # grows with every connect() and disconnect()
         self._link_generation = 0
         self._state = LinkState.DISCONNECTED
-        self._pending: list[_Pending] = []
+        self._pending: list[_Pending] = []  # in the order in which they are sent; under the lock
         self._decoder = Decoder()
         self._heard_s = 0.0
         self._heartbeat_s = -math.inf
@@ -85,11 +96,6 @@ class Session:
     @property
     def state(self) -> LinkState:
         return self._state
-
-    @property
-    def decode_counts(self) -> str:
-        counts = self._decoder.counts
-        return f"{counts.good} good, {counts.damaged} damaged, {counts.malformed} malformed"
 
     def connect(self, connect: Connect) -> None:
         """Use `connect` to make the link, now and whenever it is lost."""
@@ -104,19 +110,25 @@ class Session:
         with self._lock:
             self._connect = None
             self._generation += 1
-            self._outbox.clear()
+            self._pending.clear()
             self._state = LinkState.DISCONNECTED
 
     def send(self, command: Command) -> bool:
-        """Queue a command; False when there is no connection. An emergency stop jumps the queue."""
+        """Queue a command; False when there is no connection. Raises `ValueError` for one that cannot be sent.
+
+        A stop takes the place of everything that waits, and waits itself for a link that is lost.
+        """
         with self._lock:
-            if self._state is not LinkState.CONNECTED:
+            is_stop = isinstance(command, Stop | EmergencyStop)
+            if self._state is not LinkState.CONNECTED and not (is_stop and self._state is LinkState.LOST):
                 return False
-            if isinstance(command, EmergencyStop):
-                self._outbox.clear()
-                self._outbox.appendleft(command)
-            else:
-                self._outbox.append(command)
+            number = self._next_number()
+            pending = _Pending(number, command, _datagram(number, command))
+            if is_stop:
+                self._pending.clear()
+            elif len(self._pending) >= _MAX_PENDING:
+                return False
+            self._pending.append(pending)
             return True
 
     def step(self) -> None:
@@ -143,7 +155,6 @@ class Session:
         if self._link is not None and self._link_generation != self._generation:
             self._link.close()
             self._link = None
-            self._pending.clear()
 
     def _try_to_connect(self) -> None:
         now_s = self._clock.now_s()
@@ -188,6 +199,10 @@ class Session:
                 self._acknowledged(message)
             elif message is not None and not isinstance(message, NumberedCommand):
                 self._listener.on_report(message)
+            elif message is None and self._damaged() == 1:
+                self._listener.on_event(
+                    Severity.WARNING, "a damaged message came and was dropped; more are only counted"
+                )
             elif self._decoder.counts.other_version and not self._told_version:
                 self._told_version = True
                 self._listener.on_event(
@@ -196,11 +211,15 @@ class Session:
                     f"this station {VERSION}: update the older one",
                 )
 
+    def _damaged(self) -> int:
+        return self._decoder.counts.damaged + self._decoder.counts.malformed
+
     def _acknowledged(self, ack: Ack) -> None:
-        pending = next((p for p in self._pending if p.number == ack.command), None)
-        if pending is None:
-            return
-        self._pending.remove(pending)
+        with self._lock:
+            pending = next((p for p in self._pending if p.number == ack.command), None)
+            if pending is None:
+                return
+            self._pending.remove(pending)
         self.round_trip_s = self._clock.now_s() - pending.sent_s
         name = type(pending.command).__name__
         if not ack.accepted:
@@ -209,22 +228,29 @@ class Session:
     def _send_due(self, link: Link) -> None:
         now_s = self._clock.now_s()
         with self._lock:
-            while self._outbox and len(self._pending) < _MAX_PENDING:
-                self._pending.append(_Pending(next(self._numbers) & 0xFFFF_FFFF, self._outbox.popleft()))
-        if now_s - self._heartbeat_s >= self._config.heartbeat_s:
+            waiting = list(self._pending)
+        for pending in waiting:
+            if now_s - pending.sent_s >= self._config.retry_s:
+                self._send_or_give_up(link, pending, now_s)
+        # No heartbeat while a stop waits for its answer, or nobody looks: then the robot stands by itself.
+        may_live = self._operator_is_there() and not any(p.is_stop for p in waiting)
+        if may_live and now_s - self._heartbeat_s >= self._config.heartbeat_s:
             self._heartbeat_s = now_s
-            link.send(encode(NumberedCommand(next(self._numbers) & 0xFFFF_FFFF, Heartbeat())))
-        for pending in [p for p in self._pending if now_s - p.sent_s >= self._config.retry_s]:
-            self._send_or_give_up(link, pending, now_s)
+            link.send(_datagram(self._next_number(), Heartbeat()))
 
     def _send_or_give_up(self, link: Link, pending: _Pending, now_s: float) -> None:
-        if pending.tries >= self._config.tries:
-            self._pending.remove(pending)
+        if pending.tries >= self._config.tries and not pending.is_stop:
+            with self._lock:
+                if pending in self._pending:
+                    self._pending.remove(pending)
             name = type(pending.command).__name__
             self._listener.on_event(Severity.ERROR, f"{name} was not answered after {pending.tries} tries")
-        elif link.send(encode(NumberedCommand(pending.number, pending.command))):
+        elif link.send(pending.datagram):
             pending.sent_s = now_s
             pending.tries += 1
+
+    def _next_number(self) -> int:
+        return next(self._numbers) & 0xFFFF_FFFF
 
     def _check_silence(self) -> None:
         silent_s = self._clock.now_s() - self._heard_s
@@ -235,14 +261,24 @@ class Session:
         link, self._link = self._link, None
         if link is not None:
             link.close()
-        unanswered = [type(p.command).__name__ for p in self._pending]
-        self._pending.clear()
         with self._lock:
+            unanswered = [type(p.command).__name__ for p in self._pending if not p.is_stop]
+            self._pending = [p for p in self._pending if p.is_stop]  # a stop is sent first when the link is back
             if self._connect is None:
                 return
             self._state = LinkState.LOST
-            self._outbox.clear()
             self._next_try_s = self._clock.now_s() + self._back_off_s
             self._back_off_s = min(2 * self._back_off_s, self._config.reconnect_last_s)
         tail = f"; not answered: {', '.join(unanswered)}" if unanswered else ""
         self._listener.on_event(Severity.ERROR, f"link lost: {reason}{tail}; the robot stops by itself; reconnecting")
+
+
+def _datagram(number: int, command: Command) -> bytes:
+    """Raises `ValueError` for a command that does not fit on the wire."""
+    try:
+        datagram = encode(NumberedCommand(number, command))
+    except OverflowError as error:
+        raise ValueError(str(error)) from error
+    if len(datagram) > MAX_DATAGRAM_BYTES:
+        raise ValueError(f"{len(datagram)} bytes are more than a datagram holds")
+    return datagram

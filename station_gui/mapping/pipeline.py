@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from shared.geometry.se2 import Pose2
 from shared.messages import Observation
@@ -16,12 +17,25 @@ _FARTHEST_M = 10_000.0  # no robot of ours drives so far: whoever says so is not
 
 
 class MappingPipeline:
-    """Observation → SLAM → grid and 3D objects → snapshot. One thread."""
+    """Observation → SLAM → grid and 3D objects → snapshot. One thread.
 
-    def __init__(self, slam: Slam, combine: CombineConfig) -> None:
-        self._slam = slam
-        self._combiner = ObjectCombiner(combine)
+    What comes twice or late is left out; a robot that was started again, or another one, begins a new map.
+    """
+
+    def __init__(self, make_slam: Callable[[], Slam], combine: CombineConfig) -> None:
+        self._make_slam = make_slam
+        self._combine = combine
+        self._revision = 0
+        self.maps_begun = 0
+        self._begin()
+
+    def _begin(self) -> None:
+        self._slam = self._make_slam()
+        self._combiner = ObjectCombiner(self._combine)
+        self.maps_begun += 1
         self._observations = 0
+        self._boot_id: int | None = None
+        self._sequence = -1
         self._stamp_s = -math.inf
         self._map_from_robot = Pose2()
         self._odom_from_robot = Pose2()
@@ -36,19 +50,29 @@ class MappingPipeline:
         """At the newest observation, as it was believed then."""
         return self._map_from_robot
 
-    def add(self, observation: Observation) -> None:
-        """Take the next observation. Raises `MappingError` for one that cannot be of this mission."""
+    def add(self, observation: Observation) -> bool:
+        """Take the next observation; False for one that came before, or after a later one.
+
+        Raises `MappingError` for one that cannot be.
+        """
         pose = observation.odom_from_robot
         if max(abs(pose.x_m), abs(pose.y_m)) > _FARTHEST_M:
             raise MappingError(f"observation {observation.sequence} claims to be {pose.x_m:.0f}, {pose.y_m:.0f} m away")
+        if self._boot_id is not None and observation.boot_id != self._boot_id:
+            self._begin()
+        if observation.sequence <= self._sequence:
+            return False
         began_s = stopwatch_s()
         self._map_from_robot = self._slam.add(to_points(observation))
+        self._boot_id, self._sequence = observation.boot_id, observation.sequence
         self._slam_s = stopwatch_s() - began_s
         if observation.has_objects:
             self._combiner.add(self._observations, self._map_from_robot, observation.objects)
         self._observations += 1
         self._stamp_s = observation.stamp_s
         self._odom_from_robot = pose
+        self._revision += 1
+        return True
 
     def finish(self) -> None:
         """No more observations come."""
@@ -62,7 +86,7 @@ class MappingPipeline:
         objects = self._combiner.object_map(self._slam)
         combine_s = stopwatch_s() - began_s
         return MapSnapshot(
-            revision=self._observations,
+            revision=self._revision,
             stamp_s=self._stamp_s,
             map_from_robot=self._map_from_robot,
             map_from_odom=self._map_from_robot @ self._odom_from_robot.inverse(),

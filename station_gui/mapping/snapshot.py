@@ -54,7 +54,7 @@ class MapSnapshot:
     `closures`: (L, 2) int32, indices into `trajectory`.
     """
 
-    revision: int  # grows with every change of the map
+    revision: int  # grows with every observation that entered a map
     stamp_s: float  # of the newest observation in it
     map_from_robot: Pose2
     map_from_odom: Pose2

@@ -129,7 +129,10 @@ class GoalKeeper:
             self._journal.add(Severity.WARNING, f"go to {goal[0]:.2f}, {goal[1]:.2f}: {refusal}")
             self.forget()
             return
-        self._plan, self._at = plan, 0
+        with self._lock:
+            if self._goal != goal:  # forgotten while the plan was made
+                return
+            self._plan, self._at = plan, 0
         self._journal.add(
             Severity.INFO,
             f"going to {goal[0]:.2f}, {goal[1]:.2f}: {plan.length_m:.1f} m, "

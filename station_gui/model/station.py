@@ -39,7 +39,7 @@ from station_gui.planning.path_planner import PathPlanner
 _OBSERVATION_TYPE = bytes((TYPE_OF[Observation],))
 _QUEUE = 64  # observations that may wait for the mapping; the oldest give way
 _OBSERVATIONS_PER_STEP = 8
-_RESTART_S = 1.0  # an observation so much older than the last one comes from a robot that was restarted
+_LOOKING_S = 1.0  # without a look at the view for so long the operator is not there
 
 MakeLink = Callable[[str, int], Link]
 MakePipeline = Callable[[], MappingPipeline]
@@ -65,11 +65,11 @@ class Station:
     ) -> None:
         self._clock = clock
         self._make_link = make_link
-        self._make_pipeline = make_pipeline
         self._name_recording = name_recording
         self._journal = Journal(clock)
-        self._session = Session(session, clock, self, first_command)
-        self._goals = GoalKeeper(planner, self._session.send, self._journal)
+        self._looked_s = -math.inf
+        self._session = Session(session, clock, self, first_command, self._operator_is_there)
+        self._goals = GoalKeeper(planner, self._send, self._journal)
         self._pipeline = make_pipeline()
         self._queue: deque[Observation] = deque(maxlen=_QUEUE)
         self._queue_lock = threading.Lock()
@@ -80,6 +80,7 @@ class Station:
         self._telemetry: Latest[Telemetry] = Latest()
         self._observation: Observation | None = None
         self._snapshot: MapSnapshot | None = None
+        self._mapping_fault = False
         self._seen_revision = 0
         self._received = RateMeter()
         self._observed = RateMeter()
@@ -128,7 +129,7 @@ class Station:
     # --- what the window asks for ---
 
     def view(self) -> OperatorView:
-        now_s = self._clock.now_s()
+        now_s = self._looked_s = self._clock.now_s()
         snapshot = self._snapshot
         if snapshot is not None and snapshot.revision != self._seen_revision:
             self._seen_revision = snapshot.revision
@@ -183,12 +184,26 @@ class Station:
         self._goals.ask(x_m, y_m)
 
     def drive(self, speed_mps: float, steering_rad: float) -> None:
+        if not (math.isfinite(speed_mps) and math.isfinite(steering_rad)):
+            self._journal.add(Severity.WARNING, "driving needs a speed and a steering angle")
+            return
         self._goals.forget()
         self._send(Drive(speed_mps, steering_rad))
 
-    def _send(self, command: Command) -> None:
-        if not self._session.send(command):
-            self._journal.add(Severity.WARNING, f"{type(command).__name__} was not sent: there is no connection")
+    def _send(self, command: Command) -> bool:
+        name = type(command).__name__
+        try:
+            sent = self._session.send(command)
+        except ValueError as error:
+            self._journal.add(Severity.ERROR, f"{name} cannot be sent: {error}")
+            return False
+        if not sent:
+            self._journal.add(Severity.WARNING, f"{name} was not sent: there is no connection")
+        return sent
+
+    def _operator_is_there(self) -> bool:
+        """Whether somebody has looked at the view lately; a window that hangs does not hold the dead man's handle."""
+        return self._clock.now_s() - self._looked_s <= _LOOKING_S
 
     # --- what the session hears ---
 
@@ -224,8 +239,11 @@ class Station:
         self.figures.observations += 1
         self._observed.add(self._clock.now_s())
         with self._queue_lock:
-            self.figures.observations_dropped += len(self._queue) == _QUEUE
+            full = len(self._queue) == _QUEUE
             self._queue.append(observation)
+        if full and self.figures.observations_dropped == 0:
+            self._journal.add(Severity.WARNING, "mapping is too slow for what comes: observations are dropped")
+        self.figures.observations_dropped += full
 
     def _take_telemetry(self, telemetry: Telemetry) -> None:
         before = self._telemetry.stamped()
@@ -242,19 +260,20 @@ class Station:
             return self._queue.popleft() if self._queue else None
 
     def _map(self, observation: Observation) -> None:
-        last = self._observation
-        if last is not None and observation.stamp_s < last.stamp_s - _RESTART_S:
-            self._journal.add(Severity.WARNING, "the robot was restarted: a new map begins")
-            self._pipeline = self._make_pipeline()
-            self._goals.forget()
-        elif last is not None and observation.stamp_s <= last.stamp_s:
-            return  # came twice
+        begun = self._pipeline.maps_begun
         try:
-            self._pipeline.add(observation)
+            if not self._pipeline.add(observation):
+                return
         except MappingError as error:
-            self._journal.add(Severity.ERROR, f"mapping: {error}; the last map stays")
+            if not self._mapping_fault:  # told when it begins
+                self._journal.add(Severity.ERROR, f"mapping: {error}; the last map stays")
+            self._mapping_fault = True
             return
+        self._mapping_fault = False
         self._observation = observation
+        if self._pipeline.maps_begun != begun:
+            self._journal.add(Severity.WARNING, "another robot, or the same one started again: a new map begins")
+            self._goals.forget()
 
     def _link_figures(self, now_s: float) -> LinkFigures:
         return LinkFigures(

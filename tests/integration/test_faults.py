@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import pytest
 
+from robot_app.drivers.base import DriveSetting
 from shared.messages import MissionState, StopReason, Telemetry
+from shared.runtime.runner import Task
 from station_gui.comms.state import LinkState
 from tools.simulator.faults import FaultKind
 from tools.simulator.lockstep import Lockstep
@@ -44,6 +47,78 @@ def test_without_a_sensor_it_needs_the_car_stands_and_goes_on_when_it_is_back(
     assert telemetry(driving).stop_reason is StopReason.NONE
     assert driving.world.speed_mps() > 0.05
     assert driving.world.collisions.count == 0
+
+
+@pytest.mark.parametrize(
+    ("device", "kind", "reason"),
+    [
+        ("scanner", FaultKind.FROZEN, StopReason.SENSOR_STALE),
+        ("scanner", FaultKind.BLIND, StopReason.SENSOR_STALE),
+        ("encoders", FaultKind.FROZEN, StopReason.STALLED),
+    ],
+)
+def test_a_sensor_that_lies_stops_the_car(driving: Lockstep, device: str, kind: FaultKind, reason: StopReason) -> None:
+    getattr(driving.faults, device).kind = kind
+    # The encoders' lie shows only once the motor has got much current for 0.4 s.
+    assert time_to_stand_s(driving) < 1.2
+    driving.run(0.5)
+    assert telemetry(driving).stop_reason is reason
+    assert driving.world.collisions.count == 0
+
+
+def test_a_control_task_that_hangs_is_noticed_and_the_motor_cut(driving: Lockstep) -> None:
+    guarded = next(g for g in driving._runner._guarded if g.task.row.name == "control")
+    guarded.task = Task(guarded.task.row, lambda: None)
+    assert time_to_stand_s(driving) < 0.7  # a quarter of a second until it is noticed, and the braking
+
+
+def test_a_control_task_that_fails_cuts_the_motor(driving: Lockstep) -> None:
+    def fail(now_s: float, may_move: bool) -> DriveSetting:
+        raise RuntimeError("a bug")
+
+    driving.app._pilot.step = fail  # type: ignore[method-assign]
+    assert time_to_stand_s(driving) < 0.5
+    driving.run(0.5)
+    assert telemetry(driving).stop_reason is StopReason.TASK_FAULT
+    assert "control: a bug" in telemetry(driving).faults
+
+
+@pytest.mark.parametrize("setting", [DriveSetting(math.nan, 0.0), DriveSetting(0.2, math.inf)])
+def test_a_setting_that_is_no_number_never_reaches_the_motor(driving: Lockstep, setting: DriveSetting) -> None:
+    driving.app._pilot.step = lambda now_s, may_move: setting  # type: ignore[method-assign]
+    assert time_to_stand_s(driving) < 0.5
+    driving.run(0.5)
+    assert telemetry(driving).stop_reason is StopReason.TASK_FAULT
+
+
+def test_an_app_that_ends_stops_the_car_first_and_keeps_it_stopped(driving: Lockstep) -> None:
+    driving.app.stop_for_good()
+    assert time_to_stand_s(driving) < 0.5
+    driving.station.start()
+    driving.run(2.0)
+    assert abs(driving.world.speed_mps()) < STANDS_MPS
+
+
+def test_an_emergency_stop_pressed_while_the_link_is_lost_holds_when_it_is_back(driving: Lockstep) -> None:
+    driving.cut_link()
+    driving.run(0.5)
+    driving.station.emergency_stop()
+    driving.run(1.5)
+    driving.mend_link()
+    driving.run(6.0)
+    assert driving.station.view().link_state is LinkState.CONNECTED
+    assert (telemetry(driving).state, telemetry(driving).stop_reason) == (MissionState.HALTED, StopReason.EMERGENCY)
+    assert abs(driving.world.speed_mps()) < STANDS_MPS
+
+
+def test_a_window_that_hangs_does_not_keep_the_robot_going(driving: Lockstep) -> None:
+    driving.use_operator(lambda: None)  # nobody looks at the view any more
+    began_s = driving.clock.now_s()
+    while abs(driving.world.speed_mps()) > STANDS_MPS:
+        driving.run(0.02)
+        assert driving.clock.now_s() - began_s < 3.0
+    driving.run(0.5)
+    assert telemetry(driving).stop_reason is StopReason.COMMAND_SILENCE
 
 
 def test_an_unplugged_device_is_named_to_the_operator(driving: Lockstep) -> None:
@@ -114,7 +189,7 @@ def test_driving_by_hand_refuses_to_hit_a_wall(make_system: Callable[..., Lockst
     system.run(3.0)
     system.station.start()
     system.run(0.5)
-    system.use_operator(lambda: system.station.drive(0.4, 0.0))
+    system.use_operator(lambda: (system.station.view(), system.station.drive(0.4, 0.0)))
     system.run(12.0)
     assert system.world.collisions.count == 0
     assert system.truth().distance_m > 0.5
@@ -122,7 +197,7 @@ def test_driving_by_hand_refuses_to_hit_a_wall(make_system: Callable[..., Lockst
 
 def test_an_order_to_race_is_limited_to_the_robots_speed(driving: Lockstep) -> None:
     fastest = 0.0
-    driving.use_operator(lambda: driving.station.drive(30.0, 9.0))
+    driving.use_operator(lambda: (driving.station.view(), driving.station.drive(30.0, 9.0)))
     for _ in range(100):
         driving.run(0.02)
         fastest = max(fastest, abs(driving.world.speed_mps()))
@@ -133,7 +208,7 @@ def test_an_order_to_race_is_limited_to_the_robots_speed(driving: Lockstep) -> N
 def test_a_robot_that_is_idle_does_not_move(make_system: Callable[..., Lockstep]) -> None:
     system = make_system()
     system.station.connect("loopback", 0)
-    system.use_operator(lambda: system.station.drive(0.4, 0.0))
+    system.use_operator(lambda: (system.station.view(), system.station.drive(0.4, 0.0)))
     system.run(3.0)
     assert system.truth().distance_m < 0.005
     assert any("press start before driving by hand" in entry.text for entry in system.station.log_since(0))

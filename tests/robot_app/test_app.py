@@ -39,7 +39,7 @@ def test_nothing_is_compiled_once_the_app_is_warm() -> None:
     world = World(find_scenario("lab"), 1)
     robot, station = loopback_pair()
     app = RobotApp(
-        SimulatedHardware(world, waits=False).hardware, robot, clock, load_config(None), np.random.default_rng(1)
+        SimulatedHardware(world, waits=False).hardware, robot, clock, load_config(None), np.random.default_rng(1), 1
     )
     app.warm_up()
     before = compiled()

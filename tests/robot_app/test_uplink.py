@@ -18,9 +18,10 @@ class Robot:
         self.uplink = Uplink(self.link, HELLO)
         self.handled: list[Command] = []
         self.heard = 0
+        self.changed_hands = 0
 
     def tick(self) -> None:
-        self.uplink.receive(self._handle, self._hear)
+        self.uplink.receive(self._handle, self._hear, self._change_hands)
 
     def answers(self) -> list[Ack]:
         return [m for m in messages(self.station) if isinstance(m, Ack)]
@@ -28,6 +29,9 @@ class Robot:
     def _handle(self, command: Command) -> tuple[bool, str]:
         self.handled.append(command)
         return True, ""
+
+    def _change_hands(self) -> None:
+        self.changed_hands += 1
 
     def _hear(self) -> None:
         self.heard += 1
@@ -100,3 +104,10 @@ def test_a_link_that_is_gone_does_no_harm(robot: Robot, rng: np.random.Generator
     robot.tick()
     robot.uplink.greet(0.0)
     assert not robot.uplink.observe(samples.observation(rng))
+
+
+def test_another_station_is_noticed_and_the_same_one_is_not(robot: Robot) -> None:
+    for number in (0xFFFF_FFF0, 0xFFFF_FFF5, 3, 2_000, 1_500_000_000, 1_500_000_001):
+        robot.station.send(encode(NumberedCommand(number, Heartbeat())))
+    robot.tick()
+    assert robot.changed_hands == 1

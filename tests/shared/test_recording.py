@@ -62,13 +62,21 @@ def test_a_file_that_is_no_recording_is_refused_by_name(tmp_path: Path) -> None:
         MissionReader(tmp_path / "absent.mcap")
 
 
-@pytest.mark.skipif(os.geteuid() == 0 and not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_recording_is_never_written_over(tmp_path: Path) -> None:
+    record(tmp_path / "m.mcap").close()
+    second = record(tmp_path / "m.mcap")
+    second.close()
+    assert second.path == tmp_path / "m-2.mcap"
+    assert len(list(MissionReader(tmp_path / "m.mcap"))) == len(list(MissionReader(second.path))) == len(DATAGRAMS)
+
+
 def test_a_full_disk_ends_the_recording_and_not_the_mission(tmp_path: Path) -> None:
-    (tmp_path / "full.mcap").symlink_to("/dev/full")
-    try:
-        recorder = Recorder(tmp_path / "full.mcap", {}, 0)
-    except RecordingError:
-        return
+    recorder = Recorder(tmp_path / "full.mcap", {}, 0)
+    full = Path("/dev/full").open("wb")  # noqa: SIM115 - the recorder closes it
+    assert recorder._file is not None
+    recorder._file.close()
+    recorder._file = full
+    recorder._writer._Writer__stream = full
     for i in range(2000):
         recorder.write(encode(Ack(i, True, os.urandom(100).hex())), i / 10)
     assert recorder.error is not None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import secrets
 import sys
 import threading
 from pathlib import Path
@@ -56,7 +57,7 @@ def simulate(scenario: Scenario, config: RobotConfig, args: argparse.Namespace, 
     try:
         world = World(scenario, args.seed, start_s=clock.now_s())
         hardware = SimulatedHardware(world, waits=True).hardware
-        app = RobotApp(hardware, link, clock, config, np.random.default_rng(args.seed))
+        app = RobotApp(hardware, link, clock, config, np.random.default_rng(args.seed), secrets.randbits(32))
         _log.info("compiling; this takes a while the first time")
         app.warm_up()
         pump = RealTimePump(world, clock)

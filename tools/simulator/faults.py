@@ -6,6 +6,8 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Generic, Protocol, TypeVar
 
+import numpy as np
+
 from robot_app.drivers.base import (
     DepthCamera,
     DepthImage,
@@ -23,7 +25,7 @@ from robot_app.drivers.base import (
 from shared.geometry.camera import Intrinsics
 from shared.messages import ScanGeometry
 
-T = TypeVar("T")
+T = TypeVar("T", RawScan, DepthImage, ImuSample, EncoderCount, PowerSample, TemperatureSample)
 T_co = TypeVar("T_co", covariant=True)
 
 
@@ -31,6 +33,8 @@ class FaultKind(Enum):
     NONE = "none"
     SILENT = "silent"  # the device sends nothing
     UNPLUGGED = "unplugged"  # the device is gone
+    FROZEN = "frozen"  # the device sends its last sample again and again, with new stamps
+    BLIND = "blind"  # the scanner is covered: scans without an echo
 
 
 @dataclass(slots=True)
@@ -43,7 +47,7 @@ class Fault:
         """Whether the device answers; raises when it is gone."""
         if self.kind is FaultKind.UNPLUGGED:
             raise DeviceError(f"{name}: is unplugged")
-        return self.kind is FaultKind.NONE
+        return self.kind is not FaultKind.SILENT
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +73,22 @@ class _FaultyReader(Generic[T]):
         self._name = name
         self._inner = inner
         self._fault = fault
+        self._last: T | None = None
 
     def read(self, timeout_s: float) -> T | None:
         """A silent device uses up the time as a real one does; what it would have sent is lost."""
         answers = self._fault.check(self._name)
         sample = self._inner.read(timeout_s)
-        return sample if answers else None
+        if not answers or sample is None:
+            return None
+        if self._fault.kind is FaultKind.FROZEN and self._last is not None:
+            frozen: T = replace(self._last, stamp_s=sample.stamp_s)
+            return frozen
+        if self._fault.kind is FaultKind.BLIND and isinstance(sample, RawScan):
+            blind: T = replace(sample, ranges_m=np.full_like(sample.ranges_m, np.nan))
+            return blind
+        self._last = sample
+        return sample
 
     def close(self) -> None:
         self._inner.close()

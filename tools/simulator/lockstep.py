@@ -50,19 +50,19 @@ class Lockstep:
         self.world = World(scenario, seed)
         hardware, self.faults = with_faults(SimulatedHardware(self.world, waits=False).hardware)
         self._link = _Switchboard()
-        self.app = RobotApp(hardware, self._link, self.clock, robot, np.random.default_rng(seed))
+        self.app = RobotApp(hardware, self._link, self.clock, robot, np.random.default_rng(seed), boot_id=1)
         self.station: Station = build_station(
             station, self.clock, 1, make_link=self._link.make, name_recording=lambda: recording
         )
-        self._operator: Callable[[], None] = lambda: None
+        self._operator: Callable[[], object] = self.station.view
         self.failures: list[str] = []
         tasks = [*self.app.tasks(), *self.station.tasks(), Task(_OPERATOR, self._operate)]
         self._runner = LockstepRunner(tasks, self.clock, self.world.advance_to, self._on_fault)
         self.app.use_health(lambda: self._runner.health)
         self.app.warm_up()
 
-    def use_operator(self, step: Callable[[], None]) -> None:
-        """`step` is called ten times a second."""
+    def use_operator(self, step: Callable[[], object]) -> None:
+        """`step` is called ten times a second, in place of the look at the view that keeps the robot going."""
         self._operator = step
 
     def run(self, seconds: float) -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 
@@ -11,7 +12,7 @@ from shared.messages import StopReason
 
 @pytest.fixture
 def guard() -> Guard:
-    guard = Guard(SafetyConfig(), now_s=0.0)
+    guard = Guard(SafetyConfig(), 0.2, 0.1, now_s=0.0)
     guard.heard(10.0)
     return guard
 
@@ -54,7 +55,7 @@ def test_an_empty_battery_stops_the_car(guard: Guard) -> None:
 
 
 def test_a_failed_task_stops_the_car_until_it_works_again(guard: Guard) -> None:
-    guard.fault_began("scan", "scanner: no answer")
+    guard.fault_began("scan", StopReason.DEVICE_FAULT, "scanner: no answer")
     assert reason(guard) is StopReason.DEVICE_FAULT
     assert guard.faults == ("scanner: no answer",)
     guard.fault_ended("scan")
@@ -70,3 +71,18 @@ def test_a_value_that_is_not_known_leaves_the_band_as_it_is() -> None:
 def test_a_band_without_hysteresis_is_refused() -> None:
     with pytest.raises(ValueError, match="differ"):
         Band(80.0, 80.0)
+
+
+@pytest.mark.parametrize(
+    ("settings", "complaint"),
+    [
+        ({"over_temperature_c": Band(75.0, 85.0)}, "above"),
+        ({"low_battery_v": Band(6.2, 5.6)}, "below"),
+        ({"command_silence_s": 60.0}, "at most"),
+        ({"resume_within_s": 0.0}, "above 0"),
+        ({"min_beams": 0}, "at least"),
+    ],
+)
+def test_settings_that_would_switch_safety_off_are_refused(settings: dict[str, Any], complaint: str) -> None:
+    with pytest.raises(ValueError, match=complaint):
+        SafetyConfig(**settings)

@@ -8,7 +8,7 @@ import pytest
 
 from shared.link.base import Link, LinkError
 from shared.link.loopback import LoopbackLink, loopback_pair
-from shared.messages import Ack, Drive, EmergencyStop, Heartbeat, NumberedCommand, Report, Start, Stop, Telemetry
+from shared.messages import Ack, Drive, EmergencyStop, GoTo, Heartbeat, NumberedCommand, Report, Start, Stop, Telemetry
 from shared.protocol.codec import Decoder, encode
 from shared.runtime.clock import ManualClock
 from station_gui.comms.session import Session, SessionConfig
@@ -123,12 +123,81 @@ def test_a_refused_command_is_told_with_its_reason(session: Session, robot: Robo
 def test_a_command_that_is_never_answered_is_given_up(
     session: Session, robot: Robot, heard: Heard, clock: ManualClock
 ) -> None:
+    session.send(Start())
+    for _ in range(8):
+        run(session, clock, 0.5)
+        robot.send(samples.telemetry())
+    assert heard.events[-1] == "Start was not answered after 5 tries"
+    assert len(robot.received()) == 5
+
+
+def beats(robot: Robot) -> int:
+    count = 0
+    while (datagram := robot.links[-1].receive(0.0)) is not None:
+        message = Decoder().decode(datagram)
+        count += isinstance(message, NumberedCommand) and isinstance(message.command, Heartbeat)
+    return count
+
+
+def test_a_stop_is_repeated_until_it_is_answered_and_holds_the_heartbeat_back(
+    session: Session, robot: Robot, clock: ManualClock
+) -> None:
+    run(session, clock, 0.5)
+    beats(robot)
     session.send(Stop())
     for _ in range(8):
         run(session, clock, 0.5)
         robot.send(samples.telemetry())
-    assert heard.events[-1] == "Stop was not answered after 5 tries"
-    assert len(robot.received()) == 5
+    stops = robot.received()
+    assert len(stops) >= 8
+    assert {type(m.command) for m in stops} == {Stop}
+    robot.send(Ack(stops[0].number, True))
+    run(session, clock, 0.5)
+    assert beats(robot) > 0
+
+
+def test_a_stop_takes_the_place_of_every_order_that_waits(session: Session, robot: Robot, clock: ManualClock) -> None:
+    session.send(Start())
+    session.step()
+    robot.received()
+    session.send(EmergencyStop())
+    run(session, clock, 1.5)
+    assert {type(m.command) for m in robot.received()} == {EmergencyStop}
+
+
+def test_a_stop_given_while_the_link_is_lost_is_the_first_thing_sent_when_it_is_back(
+    session: Session, robot: Robot, clock: ManualClock
+) -> None:
+    robot.links[-1].close()
+    session.step()
+    assert session.state is LinkState.LOST
+    assert session.send(EmergencyStop())
+    run(session, clock, 1.0)
+    assert session.state is LinkState.CONNECTED
+    first = Decoder().decode(robot.links[-1].receive(0.0) or b"")
+    assert isinstance(first, NumberedCommand)
+    assert isinstance(first.command, EmergencyStop)
+
+
+def test_a_command_that_does_not_fit_on_the_wire_is_refused_and_blocks_nothing(session: Session, robot: Robot) -> None:
+    with pytest.raises(ValueError, match="NaN"):
+        session.send(Drive(float("nan"), 0.0))
+    with pytest.raises(ValueError, match="bytes"):
+        session.send(GoTo(1, np.zeros((6000, 3), np.float32)))
+    session.send(Stop())
+    session.step()
+    assert [type(m.command) for m in robot.received()] == [Stop]
+
+
+def test_nobody_at_the_window_means_no_heartbeat(clock: ManualClock, heard: Heard, robot: Robot) -> None:
+    there = [True]
+    session = Session(SessionConfig(), clock, heard, 1, operator_is_there=lambda: there[0])
+    session.connect(robot.connect)
+    run(session, clock, 1.0)
+    assert beats(robot) >= 5
+    there[0] = False
+    run(session, clock, 1.0)
+    assert beats(robot) == 0
 
 
 def test_an_emergency_stop_jumps_what_waits(session: Session, robot: Robot) -> None:
@@ -140,10 +209,7 @@ def test_an_emergency_stop_jumps_what_waits(session: Session, robot: Robot) -> N
 
 def test_heartbeats_keep_coming(session: Session, robot: Robot, clock: ManualClock) -> None:
     run(session, clock, 1.0)
-    beats = 0
-    while robot.links[-1].receive(0.0) is not None:
-        beats += 1
-    assert beats in {5, 6}
+    assert beats(robot) in {5, 6}
 
 
 def test_a_silent_robot_is_a_lost_link_and_is_connected_to_again(
@@ -166,7 +232,7 @@ def test_a_closed_link_is_told_with_what_was_not_answered(
     session.step()
     assert session.state is LinkState.LOST
     assert "not answered: Start" in heard.events[-1]
-    assert not session.send(Stop())
+    assert not session.send(Start())
 
 
 def test_a_refused_connection_is_tried_again_more_and_more_slowly(

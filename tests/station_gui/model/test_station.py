@@ -132,9 +132,18 @@ def test_observations_become_a_map(scene: Scene) -> None:
 
 def test_buttons_become_commands(scene: Scene) -> None:
     scene.station.start()
+    scene.run(0.1)
+    started = [m.command for m in scene.commands()]
     scene.station.stop()
     scene.run(0.1)
-    assert [m.command for m in scene.commands()] == [Start(), Stop()]
+    assert started + [m.command for m in scene.commands()] == [Start(), Stop()]
+
+
+def test_a_drive_that_is_no_number_is_refused_and_a_stop_still_goes_out(scene: Scene) -> None:
+    scene.station.drive(math.nan, 0.0)
+    scene.station.stop()
+    scene.run(0.1)
+    assert [m.command for m in scene.commands()] == [Stop()]
 
 
 def test_a_goal_becomes_a_path_in_the_robots_frame(scene: Scene) -> None:
@@ -201,11 +210,20 @@ def test_an_observation_that_comes_twice_counts_once(scene: Scene) -> None:
 
 def test_a_robot_that_was_restarted_begins_a_new_map(scene: Scene) -> None:
     with_map(scene, scans=15)
-    scene.send(observation(0, Pose2()))
+    scene.send(dataclasses.replace(observation(0, Pose2()), boot_id=7))
     snapshot = scene.station.view().snapshot
     assert snapshot is not None
     assert snapshot.observations == 1
-    assert "restarted" in scene.log()
+    assert "a new map begins" in scene.log()
+
+
+def test_one_stamp_from_the_future_does_not_wipe_the_map(scene: Scene) -> None:
+    with_map(scene)
+    scene.send(dataclasses.replace(observation(12, Pose2(0.48, 0.0, 0.0)), stamp_s=1e9))
+    scene.send(observation(13, Pose2(0.52, 0.0, 0.0)))
+    snapshot = scene.station.view().snapshot
+    assert snapshot is not None
+    assert snapshot.observations == 14
 
 
 def test_an_observation_from_the_moon_is_refused_and_the_map_stays(scene: Scene) -> None:
