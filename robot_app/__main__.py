@@ -19,7 +19,8 @@ from robot_app.drivers.base import DeviceError
 from robot_app.drivers.raspberry_pi import open_hardware
 from robot_app.run import run_robot, stop_on_signals
 from robot_app.service import ServiceManager
-from shared.command_line import EXIT_FAILED, EXIT_OK, port_number, run, set_up_logging
+from robot_app.uplink import BUSY
+from shared.command_line import EXIT_FAILED, EXIT_OK, Parser, port_number, run, set_up_logging
 from shared.link.tcp import TcpServerLink
 from shared.runtime.clock import MonotonicClock
 
@@ -27,7 +28,7 @@ _log = logging.getLogger("robot-app")
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="robot-app",
         description="Runs the robot: reads its devices, drives, and tells the station what it sees.",
         epilog="example: robot-app --check, and when all devices are found: robot-app",
@@ -58,7 +59,7 @@ def _drive(config: RobotConfig, args: argparse.Namespace) -> int:
     stop, clock = stop_on_signals(), MonotonicClock()
     bind = config.link.bind if args.bind is None else args.bind
     with ExitStack() as opened:
-        link = TcpServerLink(bind, config.link.port if args.port is None else args.port, clock)
+        link = TcpServerLink(bind, config.link.port if args.port is None else args.port, clock, BUSY)
         opened.callback(link.close)
         hardware = open_hardware(config.devices, config.car, clock)
         opened.callback(hardware.close)

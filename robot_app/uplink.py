@@ -10,7 +10,18 @@ from collections import OrderedDict
 from collections.abc import Callable
 
 from shared.link.base import Link, LinkError
-from shared.messages import Ack, Command, EmergencyStop, Heartbeat, Hello, NumberedCommand, Observation, Stop, Telemetry
+from shared.messages import (
+    Ack,
+    Command,
+    EmergencyStop,
+    Heartbeat,
+    Hello,
+    NumberedCommand,
+    Observation,
+    Refusal,
+    Stop,
+    Telemetry,
+)
 from shared.protocol.codec import Decoder, encode
 
 _log = logging.getLogger(__name__)
@@ -20,6 +31,10 @@ _HELLO_EVERY_S = 2.0
 _NUMBER_JUMP = 100_000  # five heartbeats a second for five hours of silence
 
 Handler = Callable[[Command], tuple[bool, str]]
+
+
+# What a second station gets to hear from the link.
+BUSY = encode(Refusal("another station is connected to it"))
 
 
 class Uplink:

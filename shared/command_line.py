@@ -7,17 +7,26 @@ import logging
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import NoReturn
 
 from shared.config import ConfigError
 from shared.link.base import LinkError
 
 EXIT_OK = 0
 EXIT_FAILED = 1
+EXIT_INTERRUPTED = 130
 EXIT_MISUSE = 2  # a wrong port, key, file or option: the line printed names it
 
 
 class Refused(Exception):
     """Something the user gave cannot be used; the text is one line that names it."""
+
+
+class Parser(argparse.ArgumentParser):
+    """Says in one line what is wrong with the options; `--help` says the rest."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(EXIT_MISUSE, f"{self.prog}: {message}\n")
 
 
 def run(name: str, work: Callable[[], int], also: tuple[type[Exception], ...] = ()) -> int:
@@ -26,10 +35,20 @@ def run(name: str, work: Callable[[], int], also: tuple[type[Exception], ...] = 
     try:
         return work()
     except users as error:
-        print(f"{name}: {error}", file=sys.stderr)  # noqa: T201 - the command's own words
+        _say(f"{name}: {error}")
+        return EXIT_MISUSE
+    except OSError as error:
+        if error.filename is None:  # not about a file that the user named
+            raise
+        _say(f"{name}: {error.filename}: {error.strerror}")
         return EXIT_MISUSE
     except KeyboardInterrupt:
-        return EXIT_OK
+        _say(f"{name}: interrupted")
+        return EXIT_INTERRUPTED
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)  # noqa: T201 - the command's own words
 
 
 def set_up_logging(verbose: bool) -> None:
@@ -57,8 +76,15 @@ def port_number(text: str) -> int:
     return int(text)
 
 
+def seed(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is no seed; a seed is a whole number from 0 on")
+    return int(text)
+
+
 def existing_file(text: str) -> Path:
     path = Path(text)
     if not path.is_file():
-        raise argparse.ArgumentTypeError(f"{text}: there is no such file")
+        what = "is a folder, not a file" if path.is_dir() else "there is no such file"
+        raise argparse.ArgumentTypeError(f"{text}: {what}")
     return path

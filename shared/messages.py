@@ -153,6 +153,13 @@ class Ack:
 
 
 @dataclass(frozen=True, slots=True)
+class Refusal:
+    """The robot will not talk to this station; it closes the link after that."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
 class Start:
     """Begin the observation task."""
 
@@ -209,5 +216,5 @@ class NumberedCommand:
     command: Command
 
 
-Report = Observation | Telemetry | Hello | Ack
+Report = Observation | Telemetry | Hello | Ack | Refusal
 Message = Report | NumberedCommand

@@ -9,12 +9,12 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from shared.command_line import Refused, address, run, set_up_logging
+from shared.command_line import Parser, Refused, address, run, set_up_logging
 from station_gui.config import RecordingConfig, load_config
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="station-gui",
         description="The operator's window: connects to a robot, shows its live 2D and 3D map, commands it.",
         epilog="example: station-gui --connect 192.168.1.20:47100",

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from tqdm import tqdm
 
-from shared.command_line import EXIT_MISUSE, EXIT_OK, Refused, existing_file, run, set_up_logging
+from shared.command_line import EXIT_MISUSE, EXIT_OK, Parser, Refused, existing_file, run, set_up_logging
 from shared.messages import Observation
 from shared.protocol import wire
 from shared.protocol.codec import Decoder
@@ -141,7 +141,7 @@ def _write(played: Played, pipeline: MappingPipeline, source: Source, title: str
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="replay",
         description="Plays a recording through the station's own mapping as fast as it goes and writes map2d.png, "
         "trajectory.tum and summary.json.",

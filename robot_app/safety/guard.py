@@ -7,6 +7,8 @@ import threading
 from robot_app.safety.bands import BandWatch, SafetyConfig
 from shared.messages import StopReason
 
+_SPEAKING_S = 0.3  # longer than the heartbeat's period
+
 
 class Guard:
     """Collects what speaks against moving. The first reason of the table below that stands is the one reported."""
@@ -17,16 +19,23 @@ class Guard:
         self._odometry_max_age_s = odometry_max_age_s
         self._heat = BandWatch(config.over_temperature_c)
         self._battery = BandWatch(config.low_battery_v)
-        self._heard_s = now_s
+        self._heard_s = self._back_s = now_s
         self._faults: dict[str, tuple[StopReason, str]] = {}
         self._lock = threading.Lock()
 
     def heard(self, now_s: float) -> None:
         """A command or a heartbeat came from the station."""
+        if self.silence_s(now_s) > self._config.command_silence_s:
+            self._back_s = now_s
         self._heard_s = now_s
 
     def silence_s(self, now_s: float) -> float:
         return now_s - self._heard_s
+
+    def _is_spoken_to(self, now_s: float) -> bool:
+        """After a silence one word is not enough: it may have lain in some buffer, and its sender be gone."""
+        speaks_again = self._heard_s - self._back_s >= _SPEAKING_S
+        return speaks_again and self.silence_s(now_s) <= self._config.command_silence_s
 
     def take_temperature(self, cpu_c: float) -> None:
         self._heat.update(cpu_c)
@@ -54,7 +63,6 @@ class Guard:
 
     def reason_to_stand(self, now_s: float, scan_age_s: float, odometry_age_s: float) -> StopReason:
         """`StopReason.NONE` when nothing speaks against moving."""
-        config = self._config
         fault = self._first_fault()
         reasons = (
             (fault, fault is not StopReason.NONE),
@@ -62,6 +70,6 @@ class Guard:
             (StopReason.SENSOR_STALE, odometry_age_s > self._odometry_max_age_s),
             (StopReason.OVER_TEMPERATURE, self._heat.inside),
             (StopReason.LOW_BATTERY, self._battery.inside),
-            (StopReason.COMMAND_SILENCE, self.silence_s(now_s) > config.command_silence_s),
+            (StopReason.COMMAND_SILENCE, not self._is_spoken_to(now_s)),
         )
         return next((reason for reason, stands in reasons if stands), StopReason.NONE)

@@ -134,9 +134,11 @@ class TcpServerLink:
     A station that says nothing for 1.5 s gives way to a newcomer; while it talks, a newcomer is turned away.
     """
 
-    def __init__(self, host: str, port: int, clock: Clock) -> None:
+    def __init__(self, host: str, port: int, clock: Clock, farewell: bytes = b"") -> None:
+        """`farewell`: the datagram that a newcomer gets who is turned away."""
         self.statistics = LinkStatistics()
         self._clock = clock
+        self._farewell = farewell
         self._peer: _Peer | None = None
         self._heard_s = 0.0
         try:
@@ -193,11 +195,19 @@ class TcpServerLink:
         now_s = self._clock.now_s()
         if self._peer is not None:
             if now_s - self._heard_s < _SILENT_PEER_S:
-                sock.close()
+                self._turn_away(sock)
                 return
             self._drop(self._peer)
         self._peer = _Peer(sock, f"{address[0]}:{address[1]}", self.statistics)
         self._heard_s = now_s
+
+    def _turn_away(self, sock: socket.socket) -> None:
+        sock.setblocking(False)
+        with contextlib.suppress(OSError):
+            if self._farewell:
+                sock.send(pack(self._farewell))
+            sock.shutdown(socket.SHUT_WR)
+        sock.close()
 
     def _read(self) -> bytes | None:
         peer = self._peer
@@ -208,6 +218,7 @@ class TcpServerLink:
             peer.read()
         except LinkError:
             self._drop(peer)
+            return None
         datagram = peer.pop()
         if datagram is not None:  # bytes that make no frame are no sign of a station
             self._heard_s = self._clock.now_s()

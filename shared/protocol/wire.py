@@ -91,6 +91,7 @@ REPORTS: dict[int, Record] = {
         ),
     ),
     4: Record(m.Ack, (("command", _U32), ("accepted", Flag()), ("reason", Text()))),
+    5: Record(m.Refusal, (("reason", Text()),)),
 }
 
 COMMANDS: dict[int, Record] = {

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from shared.link.base import MAX_DATAGRAM_BYTES, Link, LinkError
-from shared.messages import Ack, Command, EmergencyStop, Heartbeat, NumberedCommand, Report, Stop
+from shared.messages import Ack, Command, EmergencyStop, Heartbeat, NumberedCommand, Refusal, Report, Stop
 from shared.protocol.codec import Decoder, encode
 from shared.protocol.wire import VERSION
 from shared.runtime.clock import Clock
@@ -167,11 +167,15 @@ class Session:
         except LinkError as error:
             self._next_try_s = self._clock.now_s() + self._back_off_s
             self._back_off_s = min(2 * self._back_off_s, self._config.reconnect_last_s)
-            if generation == self._generation and str(error) != self._told_refusal:
-                self._told_refusal = str(error)
-                self._listener.on_event(Severity.ERROR, f"{error} Trying again until it works.")
+            if generation == self._generation:
+                self._tell_once(str(error))
             return
         self._adopt(link, generation)
+
+    def _tell_once(self, reason: str) -> None:
+        if reason != self._told_refusal:
+            self._told_refusal = reason
+            self._listener.on_event(Severity.ERROR, f"{reason.rstrip('.')}. Trying again until it works.")
 
     def _adopt(self, link: Link, generation: int) -> None:
         with self._lock:
@@ -179,22 +183,21 @@ class Session:
                 link.close()
                 return
             self._link, self._link_generation = link, generation
-            self._state = LinkState.CONNECTED
         self._heard_s = self._clock.now_s()
         self._heartbeat_s = -math.inf
         self._told_version = False
-        self._told_refusal = ""
-        self._listener.on_event(Severity.INFO, "connected")
 
     def _receive(self, link: Link) -> None:
         for _ in range(_DATAGRAMS_PER_STEP):
             datagram = link.receive(0.0)
             if datagram is None:
                 return
-            self._heard_s = self._clock.now_s()
-            self._back_off_s = self._config.reconnect_first_s
             self._listener.on_datagram(datagram)
             message = self._decoder.decode(datagram)
+            if isinstance(message, Refusal):
+                raise LinkError(f"the robot refuses: {message.reason}")
+            if message is not None:
+                self._heard()
             if isinstance(message, Ack):
                 self._acknowledged(message)
             elif message is not None and not isinstance(message, NumberedCommand):
@@ -210,6 +213,16 @@ class Session:
                     f"the robot speaks protocol version {self._decoder.counts.other_version_seen}, "
                     f"this station {VERSION}: update the older one",
                 )
+
+    def _heard(self) -> None:
+        """A robot has spoken: only now the link counts as connected."""
+        self._heard_s = self._clock.now_s()
+        self._back_off_s = self._config.reconnect_first_s
+        with self._lock:
+            connected, self._state = self._state is LinkState.CONNECTED, LinkState.CONNECTED
+        if not connected:
+            self._told_refusal = ""
+            self._listener.on_event(Severity.INFO, "connected")
 
     def _damaged(self) -> int:
         return self._decoder.counts.damaged + self._decoder.counts.malformed
@@ -262,15 +275,21 @@ class Session:
         if link is not None:
             link.close()
         with self._lock:
+            was_connected = self._state is LinkState.CONNECTED
             unanswered = [type(p.command).__name__ for p in self._pending if not p.is_stop]
             self._pending = [p for p in self._pending if p.is_stop]  # a stop is sent first when the link is back
             if self._connect is None:
                 return
-            self._state = LinkState.LOST
+            self._state = LinkState.LOST if was_connected else self._state
             self._next_try_s = self._clock.now_s() + self._back_off_s
             self._back_off_s = min(2 * self._back_off_s, self._config.reconnect_last_s)
+        if not was_connected:
+            self._tell_once(reason)
+            return
         tail = f"; not answered: {', '.join(unanswered)}" if unanswered else ""
-        self._listener.on_event(Severity.ERROR, f"link lost: {reason}{tail}; the robot stops by itself; reconnecting")
+        self._listener.on_event(
+            Severity.ERROR, f"link lost: {reason}{tail}. The robot stands until the link is back; reconnecting."
+        )
 
 
 def _datagram(number: int, command: Command) -> bytes:

@@ -36,6 +36,7 @@ _STOP_SENTENCES = {
     StopReason.BLOCKED: "Stopped: something is in the way.",
     StopReason.TASK_FAULT: "Stopped: a task of its program failed.",
     StopReason.SHUTDOWN: "Stopped: its program is ending.",
+    StopReason.STALLED: "Stopped: the motor pushes and the wheels do not turn, or the encoders failed.",
 }
 
 _LINK_SENTENCES = {

@@ -19,6 +19,7 @@ from shared.messages import (
     NumberedCommand,
     ObjectNetwork,
     Observation,
+    Refusal,
     ScanGeometry,
     Start,
     Stop,
@@ -69,5 +70,6 @@ def every_message(rng: np.random.Generator) -> list[Message]:
         telemetry(),
         Hello("車 one", "0.1.0", corners, 0.476),
         Ack(9, False, "go to is possible once the observation has finished"),
+        Refusal("another station is connected"),
     ]
     return reports + [NumberedCommand(4_000_000_000 + i, c) for i, c in enumerate(commands)]

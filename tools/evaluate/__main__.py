@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from shared.command_line import run, set_up_logging
+from shared.command_line import Parser, run, set_up_logging
 from tools.evaluate import extraction, mission, slam
 from tools.logs.base import LogError
 
@@ -17,7 +17,7 @@ _COMMANDS = {
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="evaluate", description=__doc__)
+    parser = Parser(prog="evaluate", description=__doc__)
     parser.add_argument("--verbose", action="store_true", help="log everything")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, (module, text) in _COMMANDS.items():

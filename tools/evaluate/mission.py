@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 from robot_app.config import load_config as load_robot
+from shared.command_line import seed
 from shared.runtime.clock import stopwatch_s
 from station_gui.config import load_config as load_station
 from tools.evaluate.summary import summarise
@@ -19,7 +20,7 @@ from tools.simulator.scenario import find_scenario
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scenario", default="lab", help="a scenario's name or TOML file (default: lab)")
-    parser.add_argument("--seed", type=int, default=1, help="of all noise (default: 1)")
+    parser.add_argument("--seed", type=seed, default=1, help="of all noise (default: 1)")
     parser.add_argument("--robot", metavar="FILE", type=Path, help="robot.toml instead of the one that comes along")
     parser.add_argument("--station", metavar="FILE", type=Path, help="station.toml instead of the one that comes along")
     parser.add_argument("--out", metavar="DIR", type=Path, help="write map2d.png and mission.mcap here")
@@ -31,7 +32,12 @@ def run(args: argparse.Namespace) -> int:
     logging.getLogger("station").setLevel(logging.WARNING)
     began_s = stopwatch_s()
 
+    if args.out is not None:
+        args.out.mkdir(parents=True, exist_ok=True)
+
     def progress(simulated_s: float) -> None:
+        if not sys.stderr.isatty():
+            return
         pace = simulated_s / max(stopwatch_s() - began_s, 1e-6)
         print(f"\r{simulated_s:6.0f} s simulated, {pace:4.1f} x real time ", end="", file=sys.stderr, flush=True)
 
@@ -40,11 +46,11 @@ def run(args: argparse.Namespace) -> int:
         args.seed,
         load_robot(args.robot),
         load_station(args.station),
-        say=lambda text: print(f"\n{text}", file=sys.stderr),
+        say=lambda text: print(f"{_line_break()}{text}", file=sys.stderr),
         progress=progress,
         recording=args.out / "mission.mcap" if args.out is not None else None,
     )
-    print(file=sys.stderr)
+    print(_line_break(), end="", file=sys.stderr)
     goal = scenario.goals[-1].position_m if scenario.goals else None
     summary = summarise(result.truth, result.snapshot, result.figures, result.outcome, goal).as_json()
     if args.out is not None:
@@ -57,8 +63,12 @@ def run(args: argparse.Namespace) -> int:
     return 0 if result.outcome.failure == "" else 1
 
 
+def _line_break() -> str:
+    """Ends the line of the progress, where there is one."""
+    return "\n" if sys.stderr.isatty() else ""
+
+
 def _draw(result: MissionResult, folder: Path) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
     if result.snapshot is not None:
         snapshot = result.snapshot
         draw_map(snapshot.grid, snapshot.trajectory, snapshot.closures, folder / "map2d.png", title="Mission")

@@ -16,7 +16,8 @@ from robot_app.config import RobotConfig, load_config
 from robot_app.drivers.base import DeviceError
 from robot_app.run import run_robot, stop_on_signals
 from robot_app.service import ServiceManager
-from shared.command_line import Refused, port_number, run, set_up_logging
+from robot_app.uplink import BUSY
+from shared.command_line import Parser, Refused, port_number, run, seed, set_up_logging
 from shared.link.tcp import TcpServerLink
 from shared.runtime.clock import MonotonicClock
 from tools.simulator.drivers import RealTimePump, SimulatedHardware
@@ -28,7 +29,7 @@ _log = logging.getLogger("simulator")
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="simulator",
         description="A simulated robot in a simulated room, in real time: the same app as on the Raspberry Pi.",
         epilog="example: simulator --scenario lab --seed 1 &  station-gui --connect 127.0.0.1:47100",
@@ -36,7 +37,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--scenario", default="lab", help=f"one of {', '.join(scenario_names())}, or a TOML file (default: lab)"
     )
-    parser.add_argument("--seed", type=int, default=1, help="of all noise (default: 1)")
+    parser.add_argument("--seed", type=seed, default=1, help="of all noise (default: 1)")
     parser.add_argument("--config", metavar="FILE", type=Path, help="robot.toml instead of the one that comes along")
     parser.add_argument(
         "--port", type=port_number, help="listen here instead of on the port in robot.toml; 0 takes a free one"
@@ -53,7 +54,7 @@ def simulate(scenario: Scenario, config: RobotConfig, args: argparse.Namespace, 
     """Run the robot until `stop` is set. The car stops first, then the threads, then the world."""
     clock = MonotonicClock()
     port = config.link.port if args.port is None else args.port
-    link = TcpServerLink(args.bind, port, clock)
+    link = TcpServerLink(args.bind, port, clock, BUSY)
     try:
         world = World(scenario, args.seed, start_s=clock.now_s())
         hardware = SimulatedHardware(world, waits=True).hardware

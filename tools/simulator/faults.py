@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar, cast
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from robot_app.drivers.base import (
 from shared.geometry.camera import Intrinsics
 from shared.messages import ScanGeometry
 
-T = TypeVar("T", RawScan, DepthImage, ImuSample, EncoderCount, PowerSample, TemperatureSample)
+T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
 
 
@@ -68,6 +68,12 @@ class _Reader(Protocol[T_co]):
     def close(self) -> None: ...
 
 
+def _with_stamp_of(old: T, new: T) -> T:
+    """Every sample is a dataclass with a stamp."""
+    stamped: T = cast("Any", replace)(old, stamp_s=cast("Any", new).stamp_s)
+    return stamped
+
+
 class _FaultyReader(Generic[T]):
     def __init__(self, name: str, inner: _Reader[T], fault: Fault) -> None:
         self._name = name
@@ -82,11 +88,7 @@ class _FaultyReader(Generic[T]):
         if not answers or sample is None:
             return None
         if self._fault.kind is FaultKind.FROZEN and self._last is not None:
-            frozen: T = replace(self._last, stamp_s=sample.stamp_s)
-            return frozen
-        if self._fault.kind is FaultKind.BLIND and isinstance(sample, RawScan):
-            blind: T = replace(sample, ranges_m=np.full_like(sample.ranges_m, np.nan))
-            return blind
+            return _with_stamp_of(self._last, sample)
         self._last = sample
         return sample
 
@@ -102,6 +104,12 @@ class FaultyScanner(_FaultyReader[RawScan]):
     @property
     def geometry(self) -> ScanGeometry:
         return self._geometry
+
+    def read(self, timeout_s: float) -> RawScan | None:
+        scan = super().read(timeout_s)
+        if scan is not None and self._fault.kind is FaultKind.BLIND:
+            return replace(scan, ranges_m=np.full_like(scan.ranges_m, np.nan))
+        return scan
 
 
 class FaultyCamera(_FaultyReader[DepthImage]):

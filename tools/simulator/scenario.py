@@ -17,6 +17,8 @@ from shared.config import ConfigError, load
 from shared.geometry.se2 import Pose2
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
+_STEPS_PER_TURN = 1024
+_HALF_CAR_M = 0.10
 _MIN_HEIGHT_M = 0.10  # the low scanner must see everything that the robot could touch
 
 
@@ -89,6 +91,10 @@ class ScannerParameters:
     edge_lost: float = 0.25  # of the beams at an edge
     edge_mixed: float = 0.25
     min_signal_per_m2: float = 0.006  # reflectivity * cos(incidence) / range²: echoes below twice this get lost
+
+    def __post_init__(self) -> None:
+        if self.period_s <= 0 or not 1 <= self.beams <= _STEPS_PER_TURN or not 0 < self.range_min_m < self.range_max_m:
+            raise ValueError("period_s must be positive, beams from 1 to 1024, range_min_m below range_max_m")
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,12 +212,31 @@ class Scenario:
         for what, (x, y) in (("start", self.start.position_m), *(("goals", g.position_m) for g in self.goals)):
             if not (0 < x < self.room.length_x_m and 0 < y < self.room.width_y_m):
                 raise ValueError(f"{what}: ({x}, {y}) is not in the room")
+        self._check_items()
+
+    def _check_items(self) -> None:
+        for item in self.items:
+            x, y = item.position_m
+            if not (0 <= x <= self.room.length_x_m and 0 <= y <= self.room.width_y_m):
+                raise ValueError(f"items: {item.name} at ({x}, {y}) is not in the room")
+        places = [("start", self.start.position_m), *(("goals", goal.position_m) for goal in self.goals)]
+        for what, place in places:
+            inside = next((item.name for item in self.items if item.kind == "box" and _covers(item, place)), None)
+            if inside is not None:
+                raise ValueError(f"{what}: {place} is in or against {inside}")
 
     def goals_in_start_frame_m(self) -> tuple[tuple[float, float], ...]:
         """The goals as seen from the start pose, which is where a map begins."""
         start_from_room = self.start.room_from_robot.inverse()
         moved = [start_from_room.apply(np.array([goal.position_m]))[0] for goal in self.goals]
         return tuple((float(x), float(y)) for x, y in moved)
+
+
+def _covers(item: Item, place_m: tuple[float, float]) -> bool:
+    """Whether the car's middle cannot stand there."""
+    pose = Pose2(*item.position_m, math.radians(item.yaw_deg))
+    dx, dy = pose.inverse().apply(np.array([place_m]))[0]
+    return bool(abs(dx) < item.size_m[0] / 2 + _HALF_CAR_M and abs(dy) < item.size_m[1] / 2 + _HALF_CAR_M)
 
 
 def scenario_names() -> tuple[str, ...]:

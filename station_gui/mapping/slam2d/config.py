@@ -132,6 +132,10 @@ class GridConfig:
     thin_reach_cells: int = 2
     moved_cells: float = 0.25  # a scan whose pose changed more is drawn again
 
+    def __post_init__(self) -> None:
+        if not 0.001 <= self.cell_m <= self.coarsest_cell_m or self.max_cells < 1:
+            raise ValueError("cell_m must be from 0.001 to coarsest_cell_m, and max_cells positive")
+
 
 @dataclass(frozen=True, slots=True)
 class GraphSlamConfig:

@@ -94,7 +94,7 @@ def clock() -> ManualClock:
 
 @pytest.fixture
 def server(clock: ManualClock) -> Iterator[TcpServerLink]:
-    link = TcpServerLink("127.0.0.1", 0, clock)
+    link = TcpServerLink("127.0.0.1", 0, clock, farewell=b"busy")
     yield link
     link.close()
 
@@ -138,6 +138,7 @@ def test_a_second_station_is_turned_away_while_the_first_one_talks(server: TcpSe
     server.receive(1.0)
     second = TcpClientLink("127.0.0.1", server.port, 2.0)
     server.receive(0.2)
+    assert second.receive(1.0) == b"busy"
     with pytest.raises(LinkError):
         for _ in range(20):
             second.receive(0.1)

@@ -8,7 +8,20 @@ import pytest
 
 from shared.link.base import Link, LinkError
 from shared.link.loopback import LoopbackLink, loopback_pair
-from shared.messages import Ack, Drive, EmergencyStop, GoTo, Heartbeat, NumberedCommand, Report, Start, Stop, Telemetry
+from shared.messages import (
+    Ack,
+    Drive,
+    EmergencyStop,
+    GoTo,
+    Heartbeat,
+    Hello,
+    NumberedCommand,
+    Refusal,
+    Report,
+    Start,
+    Stop,
+    Telemetry,
+)
 from shared.protocol.codec import Decoder, encode
 from shared.runtime.clock import ManualClock
 from station_gui.comms.session import Session, SessionConfig
@@ -32,6 +45,9 @@ class Heard:
         self.events.append(text)
 
 
+HELLO = Hello("r", "0", ((0.0, 0.0),), 0.5)
+
+
 class Robot:
     """The other end: what came, and answers."""
 
@@ -39,6 +55,7 @@ class Robot:
         self.links: list[LoopbackLink] = []
         self.refuse = False
         self.tried = 0
+        self.greets = True
 
     def connect(self) -> Link:
         self.tried += 1
@@ -46,6 +63,8 @@ class Robot:
             raise LinkError("cannot connect to robot:47100: connection refused")
         robot, station = loopback_pair()
         self.links.append(robot)
+        if self.greets:
+            self.send(HELLO)
         return station
 
     def received(self) -> list[NumberedCommand]:
@@ -94,8 +113,8 @@ def test_a_connected_session_passes_reports_on(session: Session, robot: Robot, h
     assert session.state is LinkState.CONNECTED
     robot.send(samples.telemetry())
     session.step()
-    assert isinstance(heard.reports[0], Telemetry)
-    assert len(heard.datagrams) == 1
+    assert isinstance(heard.reports[-1], Telemetry)
+    assert len(heard.datagrams) == 2
 
 
 def test_a_command_is_repeated_with_its_number_until_it_is_answered(
@@ -276,4 +295,28 @@ def test_garbage_is_survived(session: Session, robot: Robot, heard: Heard, rng: 
         session.step()
     robot.send(samples.telemetry())
     session.step()
-    assert len(heard.reports) == 1
+    assert isinstance(heard.reports[-1], Telemetry)
+
+
+def test_a_port_that_says_nothing_is_not_connected(clock: ManualClock, heard: Heard, robot: Robot) -> None:
+    robot.greets = False
+    session = Session(SessionConfig(), clock, heard, 1)
+    session.connect(robot.connect)
+    run(session, clock, 15.0)
+    assert session.state is LinkState.CONNECTING
+    assert "connected" not in heard.events
+    assert len(heard.events) == 1
+    robot.greets = True
+    run(session, clock, 6.0)
+    assert heard.events[-1] == "connected"
+
+
+def test_a_robot_that_is_busy_says_so(clock: ManualClock, heard: Heard, robot: Robot) -> None:
+    robot.greets = False
+    session = Session(SessionConfig(), clock, heard, 1)
+    session.connect(robot.connect)
+    session.step()
+    robot.send(Refusal("another station is connected to it"))
+    session.step()
+    assert heard.events == ["the robot refuses: another station is connected to it. Trying again until it works."]
+    assert session.state is LinkState.CONNECTING

@@ -15,6 +15,7 @@ from shared.messages import (
     Ack,
     GoTo,
     Heartbeat,
+    Hello,
     MissionState,
     NumberedCommand,
     ObjectNetwork,
@@ -64,6 +65,7 @@ class Scene:
 
     def _make_link(self, host: str, port: int) -> LoopbackLink:
         self.robot, station = loopback_pair()
+        self.robot.send(encode(Hello("r", "0", ((0.0, 0.0),), 0.5)))
         return station
 
     @staticmethod
@@ -251,7 +253,7 @@ def test_everything_received_is_recorded(scene: Scene, tmp_path: Path) -> None:
     scene.station.close()
     messages = [Decoder().decode(r.datagram) for r in MissionReader(tmp_path / "m.mcap")]
     assert sum(isinstance(m, Observation) for m in messages) == 12
-    assert len(messages) == 13
+    assert len(messages) == 14
 
 
 def test_disconnecting_ends_the_recording(scene: Scene, tmp_path: Path) -> None:
@@ -260,7 +262,7 @@ def test_disconnecting_ends_the_recording(scene: Scene, tmp_path: Path) -> None:
     scene.run(0.1)
     assert scene.station.view().recording == ""
     reader = MissionReader(tmp_path / "m.mcap")
-    assert len(list(reader)) == 13
+    assert len(list(reader)) == 14
     assert reader.truncated is None
 
 
