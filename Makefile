@@ -10,7 +10,7 @@ help:
 	@echo "make demo HEADLESS=1 the same by itself without a display; pictures in out/demo"
 	@echo "make test            set up, check the style, the types and the architecture, run all tests"
 	@echo "make setup           make $(VENV) and install everything into it"
-	@echo "make lock            find new versions and write requirements/workstation.lock (needs uv)"
+	@echo "make lock            find new versions and write requirements/*.lock (needs uv)"
 	@echo "make clean           remove $(VENV) and out/"
 
 setup: $(READY) kernels
@@ -37,6 +37,8 @@ lock:
 	uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links \
 	    --no-annotate --no-header --upgrade --extra station --extra simulator --extra dev pyproject.toml \
 	    -o requirements/workstation.lock
+	uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links \
+	    --no-annotate --no-header --upgrade --extra robot pyproject.toml -o requirements/robot.lock
 
 clean:
 	rm -rf $(VENV) out

@@ -47,7 +47,7 @@ class Pilot:
         self._odometry = odometry
         self._memory = ObstacleMemory(config.memory)
         self._ground = SeenGround(car, config.ground)
-        self._wall = WallFollower(config.wall)
+        self._wall = WallFollower(car, config.wall)
         self._path: PathFollower | None = None
         self._avoidance = ObstacleAvoidance(car, config.avoidance)
         self._speed = SpeedController(config.speed)

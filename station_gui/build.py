@@ -43,6 +43,7 @@ def build_station(
         clock,
         make_link or partial(_connect_tcp, timeout_s=config.session.connect_timeout_s),
         partial(build_pipeline, config),
+        config.car,
         PathPlanner(config.car, config.planner),
         name_recording or partial(_name_recording, config.recording.folder),
         first_command,

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from robot_app.control.fuzzy import RuleTable, Variable
 from robot_app.control.motion import Motion
 from robot_app.control.wall_trace import WallTraceConfig, WallTracer
+from shared.geometry.ackermann import CarGeometry
 from shared.geometry.se2 import Pose2, wrap_angle
 
 
@@ -32,8 +33,6 @@ class WallFollowerConfig:
     slow_mps: float = 0.08  # paper 1, section 4: slow is below 0.1, medium 0.2, fast above 0.4
     medium_mps: float = 0.20
     fast_mps: float = 0.32  # below the paper's "fast": the room is small
-    max_steering_rad: float = 0.5
-    turning_radius_m: float = 0.476  # the smallest
     corner_m: float = 1.6  # how far along the way inner corners are looked for
     corner_aside_m: float = 0.8  # beyond this to the side there is room to turn later
     lap_distance_m: float = 4.0  # no lap is shorter
@@ -113,7 +112,8 @@ SPEED_RULES = RuleTable(
 class WallFollower:
     """Turns the obstacles near the robot into a wish: steering and speed along the wall."""
 
-    def __init__(self, config: WallFollowerConfig) -> None:
+    def __init__(self, car: CarGeometry, config: WallFollowerConfig) -> None:
+        self._car = car
         self._config = config
         self._tracer = WallTracer(config.trace, config.side)
         self.reset()
@@ -164,7 +164,7 @@ class WallFollower:
         angle = math.atan2(ahead[1], ahead[0] - self._config.middle_m)
         share = self._turn_away(way_m, error, STEERING_RULES(angle, error))
         speed = self._speed_mps(clearance_ahead_m, abs(share))
-        motion = Motion(speed, share * self._config.max_steering_rad)
+        motion = Motion(speed, share * self._car.max_steering_rad)
         return WallStep(motion, self._state, (float(ahead[0]), float(ahead[1])), error, angle)
 
     def _turn_away(self, way_m: NDArray[np.float64], error_m: float, share: float) -> float:
@@ -179,7 +179,7 @@ class WallFollower:
         if len(reach) == 0:
             return share
         curvature = float(np.max(2 * away * reach[:, 1] / np.maximum((reach**2).sum(axis=1), 0.04)))
-        turn = AWAY_RULES(curvature * self._config.turning_radius_m, away * error_m)
+        turn = AWAY_RULES(curvature * self._car.min_turning_radius_m, away * error_m)
         return float(away * (away * share + turn * (1.0 - away * share)))
 
     def _carrot(self, way_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
@@ -231,7 +231,7 @@ class WallFollower:
 
     def _cross(self, pose: Pose2, clearance_ahead_m: float) -> WallStep:
         off = wrap_angle(self._leave_heading_rad - pose.theta_rad)
-        steering = max(-1.0, min(1.0, 1.5 * off)) * self._config.max_steering_rad
-        speed = self._speed_mps(clearance_ahead_m, abs(steering) / self._config.max_steering_rad)
+        steering = max(-1.0, min(1.0, 1.5 * off)) * self._car.max_steering_rad
+        speed = self._speed_mps(clearance_ahead_m, abs(steering) / self._car.max_steering_rad)
         carrot = (self._config.middle_m + 0.5 * math.cos(off), 0.5 * math.sin(off))
         return WallStep(Motion(speed, steering), self._state, carrot, 0.0, off)

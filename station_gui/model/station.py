@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
+from shared.geometry.ackermann import CarGeometry
 from shared.link.base import Link
 from shared.messages import (
     Command,
@@ -39,6 +40,7 @@ from station_gui.planning.path_planner import PathPlanner
 _OBSERVATION_TYPE = bytes((TYPE_OF[Observation],))
 _QUEUE = 64  # observations that may wait for the mapping; the oldest give way
 _OBSERVATIONS_PER_STEP = 8
+_SAME_SIZE_M = 0.005
 _LOOKING_S = 1.0  # without a look at the view for so long the operator is not there
 
 MakeLink = Callable[[str, int], Link]
@@ -59,11 +61,13 @@ class Station:
         clock: Clock,
         make_link: MakeLink,
         make_pipeline: MakePipeline,
+        car: CarGeometry,
         planner: PathPlanner,
         name_recording: NameRecording,
         first_command: int,
     ) -> None:
         self._clock = clock
+        self._car = car
         self._make_link = make_link
         self._name_recording = name_recording
         self._journal = Journal(clock)
@@ -228,7 +232,7 @@ class Station:
             case Telemetry():
                 self._take_telemetry(report)
             case Hello():
-                self._hello = report
+                self._take_hello(report)
             case _:
                 pass
 
@@ -244,6 +248,21 @@ class Station:
         if full and self.figures.observations_dropped == 0:
             self._journal.add(Severity.WARNING, "mapping is too slow for what comes: observations are dropped")
         self.figures.observations_dropped += full
+
+    def _take_hello(self, hello: Hello) -> None:
+        if hello != self._hello and not self._is_planned_for(hello):
+            self._journal.add(
+                Severity.WARNING,
+                f"{hello.robot_name} has another size than [car] in station.toml: paths may not fit it",
+            )
+        self._hello = hello
+
+    def _is_planned_for(self, hello: Hello) -> bool:
+        ours = (*self._car.footprint_m(), (self._car.min_turning_radius_m, 0.0))
+        theirs = (*hello.footprint_m, (hello.min_turning_radius_m, 0.0))
+        return len(ours) == len(theirs) and all(
+            math.dist(a, b) <= _SAME_SIZE_M for a, b in zip(ours, theirs, strict=True)
+        )
 
     def _take_telemetry(self, telemetry: Telemetry) -> None:
         before = self._telemetry.stamped()

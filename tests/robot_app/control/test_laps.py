@@ -23,7 +23,7 @@ class _Robot:
         self._geometry = geometry
         self._memory = ObstacleMemory(ObstacleMemoryConfig())
         self._ground = SeenGround(car, SeenGroundConfig())
-        self.wall = WallFollower(WallFollowerConfig(side=side))
+        self.wall = WallFollower(car, WallFollowerConfig(side=side))
         self._avoidance = ObstacleAvoidance(car, AvoidanceConfig())
         self._steering_rad = 0.0
         self._ahead_m = 0.3

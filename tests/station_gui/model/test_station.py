@@ -57,6 +57,8 @@ class Scene:
 
     def __init__(self, recording: Path | None) -> None:
         self.clock = ManualClock()
+        car = load_config(None).car
+        self.hello = Hello("r", "0", car.footprint_m(), car.min_turning_radius_m)
         self.robot: LoopbackLink | None = None
         self.station: Station = build_station(
             load_config(None), self.clock, 1, make_link=self._make_link, name_recording=lambda: recording
@@ -65,7 +67,7 @@ class Scene:
 
     def _make_link(self, host: str, port: int) -> LoopbackLink:
         self.robot, station = loopback_pair()
-        self.robot.send(encode(Hello("r", "0", ((0.0, 0.0),), 0.5)))
+        self.robot.send(encode(self.hello))
         return station
 
     @staticmethod
@@ -271,3 +273,9 @@ def test_looking_twice_at_one_map_counts_as_one_update(scene: Scene) -> None:
     for _ in range(5):
         scene.station.view()
     assert scene.station.figures.updates_seen == 1
+
+
+def test_a_robot_of_another_size_is_told(scene: Scene) -> None:
+    assert "another size" not in scene.log()
+    scene.send(dataclasses.replace(scene.hello, min_turning_radius_m=0.8))
+    assert "r has another size than [car] in station.toml" in scene.log()
