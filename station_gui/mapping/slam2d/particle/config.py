@@ -17,9 +17,9 @@ from station_gui.mapping.slam2d.particle.proposal.proposer import ProposalConfig
 class UpdateConfig:
     """When the filter takes a step; the scans between two steps ride on the first of them."""
 
-    distance_m: float = 0.25
-    turn_rad: float = math.radians(15.0)
-    weight_gain: float = 0.05  # beams and steps are not independent: flattens the weights (Grisetti 2007, section V)
+    distance_m: float = 0.1
+    turn_rad: float = math.radians(11.5)
+    weight_gain: float = 0.0005  # beams and steps are not independent: flattens the weights (Grisetti 2007, section V)
     resample_share: float = 0.5  # of the particles: resampled when the effective number is below (eq. 20)
     patience_scans: int = 20  # lost for longer than this the map is continued all the same
 

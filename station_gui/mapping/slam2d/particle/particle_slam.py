@@ -111,7 +111,7 @@ class ParticleSlam:
         if len(lines.points_m) < self._config.proposal.min_points:
             return
         self._lost_scans = 0 if believed else self._lost_scans + 1
-        if self._gone_far():
+        if self._gone_far() and (believed or self._lost_scans > self._config.update.patience_scans):
             self._step(scan, lines)
 
     def _correct(self, lines: LineScan, predicted: FloatArray, motion: FloatArray) -> bool:
@@ -121,8 +121,9 @@ class ParticleSlam:
             return False
         base = self._poses[self._best]
         sigma = self._proposer.odometry_sigma(motion)
-        match = self._proposer.track(self._best, lines, compose(base, predicted), sigma)
-        if match.share < self._config.proposal.lost_share or not np.isfinite(match.pose).all():
+        expected = compose(base, predicted)
+        match = self._proposer.track(self._best, lines, expected, sigma)
+        if not self._proposer.believes(match, expected, sigma):
             return False
         self._rel = between(base, match.pose)
         return True

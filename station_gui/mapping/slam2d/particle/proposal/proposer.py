@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from station_gui.mapping.slam2d.matching.scan_matcher import LineScan
 from station_gui.mapping.slam2d.particle.blocks.block_maps import BlockMaps
+from station_gui.mapping.slam2d.particle.matching import _kernels as matching
 from station_gui.mapping.slam2d.particle.proposal import _kernels
 
 FloatArray = NDArray[np.float64]
@@ -28,8 +29,10 @@ class ProposalConfig:
     max_range_m: float = 100.0  # farther points are of no scanner that maps rooms
     doubtful_share: float = 0.8  # below this share of inliers the neighbourhood is searched
     better_share: float = 0.05  # what the search must win to be believed against the prediction
-    lost_share: float = 0.3  # below this the odometry is believed
-    noise_m: float = 0.03  # of one residual, beams of one wall being correlated
+    lost_share: float = 0.3  # below this the odometry is believed in any case
+    far_sigmas: float = 5.0  # of the odometry: a match that is so far off has to be beyond doubt, a nearer one less
+    noise_m: float = 0.015  # of one residual, beams of one wall being correlated
+    spread: float = 0.6  # of what is drawn, against the standard deviation: a wildly drawn map drifts
     sample_spacing: float = 1.7  # standard deviations of the match between the 27 samples
     odometry_shift_m: float = 0.03  # prior: fixed part and part of the way
     odometry_shift_ratio: float = 0.2
@@ -86,6 +89,16 @@ class Proposer:
         other = self._match(particle, scan, start, predicted, sigma)
         return other if other.share > found.share + self._config.better_share else found
 
+    def believes(self, match: Matched, predicted: FloatArray, sigma: FloatArray) -> bool:
+        """Whether a match deserves it: the farther it is from the prediction the better it has to fit."""
+        if not np.isfinite(match.pose).all():
+            return False
+        away = match.pose - predicted
+        away[2] = math.remainder(float(away[2]), math.tau)
+        config = self._config
+        far = min(1.0, float((np.abs(away) / sigma).max()) / config.far_sigmas)
+        return match.share >= config.lost_share + far * (config.doubtful_share - config.lost_share)
+
     def propose(
         self,
         particle: int,
@@ -100,10 +113,11 @@ class Proposer:
         match = self._match(particle, scan, start, prior, sigma)
         pose = match.pose.copy()
         log_weight = math.nan
-        if match.share >= config.lost_share and np.isfinite(pose).all():
+        if self.believes(match, prior, sigma):
             log_weight = _kernels.sample_proposal(
                 self._maps.blocks, particle, scan.points_m, scan.normals, prior, match.system, match.prior,
-                config.noise_m, config.sample_spacing, config.fine_kernel_m, self._maps.cell_m, deviates, pose,
+                config.noise_m, config.sample_spacing, config.fine_kernel_m, self._maps.cell_m,
+                config.spread * deviates, pose,
             )  # fmt: skip
         if math.isfinite(log_weight):
             return Proposed(pose, log_weight, matched=True)
@@ -112,7 +126,7 @@ class Proposer:
 
     def _log_likelihood(self, particle: int, scan: LineScan, pose: FloatArray) -> float:
         config = self._config
-        total = _kernels.cost_on_map(
+        total = matching.cost_on_map(
             self._maps.blocks, particle, scan.points_m, scan.normals, pose, config.fine_kernel_m, self._maps.cell_m
         )
         volume = 3 * math.log(config.noise_m / math.sqrt(max(len(scan.points_m), 1)))  # about that of a match
@@ -121,7 +135,7 @@ class Proposer:
     def _match(self, particle: int, scan: LineScan, start: FloatArray, prior: FloatArray, sigma: FloatArray) -> Matched:
         config = self._config
         pose, system, prior_matrix = start.copy(), np.zeros((3, 3)), np.zeros((3, 3))
-        share = _kernels.refine(
+        share = matching.refine(
             self._maps.blocks, particle, scan.points_m, scan.normals, pose, prior, (config.noise_m / sigma) ** 2,
             config.weak_points, config.weak_weight, config.wide_kernel_m, config.fine_kernel_m, config.inlier_m,
             config.point_weight, config.max_iterations, self._maps.cell_m, system, prior_matrix,
@@ -132,7 +146,7 @@ class Proposer:
         config = self._config
         stride = -(-len(scan.points_m) // config.search_points)
         best = centre.copy()
-        _kernels.correlate(
+        matching.correlate(
             self._maps.blocks, particle, np.ascontiguousarray(scan.points_m[::stride]), centre, config.search_shifts,
             config.search_shift_m, config.search_turns, config.search_turn_rad, self._likelihood, self._maps.cell_m,
             best,

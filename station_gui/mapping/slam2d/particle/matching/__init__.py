@@ -1,0 +1,1 @@
+"""Matching of a scan on the map of one particle."""
