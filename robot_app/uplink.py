@@ -94,6 +94,7 @@ class Uplink:
             return
         step = (number - last) & 0xFFFF_FFFF
         if min(step, (1 << 32) - step) > _NUMBER_JUMP:
+            self._stop_number = None  # its numbers have nothing to do with the last station's
             changed_hands()
 
     def _answer(self, message: NumberedCommand, handle: Handler) -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from robot_app.uplink import Uplink
 from shared.link.loopback import LoopbackLink, loopback_pair
-from shared.messages import Ack, Command, EmergencyStop, Heartbeat, Hello, NumberedCommand, Start
+from shared.messages import Ack, Command, EmergencyStop, Heartbeat, Hello, NumberedCommand, Start, Stop
 from shared.protocol.codec import Decoder, encode
 from tests.shared import samples
 
@@ -111,3 +111,14 @@ def test_another_station_is_noticed_and_the_same_one_is_not(robot: Robot) -> Non
         robot.station.send(encode(NumberedCommand(number, Heartbeat())))
     robot.tick()
     assert robot.changed_hands == 1
+
+
+def test_an_order_that_is_older_than_the_last_stop_is_refused(robot: Robot) -> None:
+    for number, command in ((10, Start()), (12, Stop()), (11, Start())):
+        robot.station.send(encode(NumberedCommand(number, command)))
+    robot.tick()
+    assert robot.handled == [Start(), Stop()]
+    assert robot.answers()[-1] == Ack(11, False, "it is older than the last stop")
+    robot.station.send(encode(NumberedCommand(13, Start())))
+    robot.tick()
+    assert robot.handled[-1] == Start()
