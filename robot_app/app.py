@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from robot_app import schedule
 from robot_app.config import RobotConfig
-from robot_app.drivers.base import DeviceError, Hardware, PowerSample, RawScan, TemperatureSample
+from robot_app.drivers.base import DeviceError, Hardware, ImuSample, PowerSample, RawScan, TemperatureSample
 from robot_app.mission import Mission
 from robot_app.perception.object_extractor import ObjectExtractor
 from robot_app.pilot import Pilot
@@ -43,6 +43,7 @@ from shared.runtime.runner import OnFault, Row, Task, TaskHealth
 _log = logging.getLogger(__name__)
 _READ_TIMEOUT_S = 0.015
 _LOCK_TIMEOUT_S = 0.05
+_IMU_REPEATS = 10
 _RUNNING = {MissionState.OBSERVE, MissionState.COMMAND}
 _CONTROL_HUNG_S = 0.25  # without a control tick for so long the motor is cut from another thread
 
@@ -83,6 +84,8 @@ class RobotApp:
         self._standing_reason = StopReason.NONE
         self._control_s = clock.now_s()
         self._last_ranges_m: NDArray[np.float32] | None = None
+        self._last_imu: tuple[float, ...] = ()
+        self._imu_repeats = 0
         self._is_shut = False
         self._sequence = 0
         self._observed_scan_s = -math.inf
@@ -144,7 +147,14 @@ class RobotApp:
     def _read_motion(self) -> None:
         count = self._hardware.encoders.read(0.0)
         imu = self._hardware.imu.read(0.0)
-        self._odometry.update(count, imu)
+        self._odometry.update(count, imu if imu is not None and self._is_alive(imu) else None)
+
+    def _is_alive(self, imu: ImuSample) -> bool:
+        """One that hangs repeats its last sample; noise does so now and then, but not ten times."""
+        values = (*imu.gyro_radps, *imu.acceleration_mps2)
+        self._imu_repeats = self._imu_repeats + 1 if values == self._last_imu else 0
+        self._last_imu = values
+        return self._imu_repeats < _IMU_REPEATS
 
     def _read_scan(self) -> None:
         raw = self._hardware.scanner.read(_READ_TIMEOUT_S)
@@ -294,10 +304,12 @@ class RobotApp:
     def _cut_motor(self) -> None:
         """Waits for a control tick under way, but not for one that hangs."""
         waited = self._drive_lock.acquire(timeout=_LOCK_TIMEOUT_S)
-        self._hardware.drive.stop()
-        if waited:
-            self._pilot.cut()
-            self._drive_lock.release()
+        try:
+            self._hardware.drive.stop()
+        finally:
+            if waited:
+                self._pilot.cut()
+                self._drive_lock.release()
 
     def _watched(self, row: Row, step: Callable[[], None]) -> Callable[[], None]:
         """A task without which the car must not move keeps it from moving while it fails."""

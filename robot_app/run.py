@@ -43,10 +43,12 @@ def run_robot(
         service.ready()
         _look_after(runner.health, clock, stop, service)
     finally:
-        app.stop_for_good()
-        service.stopping()
-        left = runner.stop()
-        app.shut_down()
+        try:
+            app.stop_for_good()
+        finally:
+            service.stopping()
+            left = runner.stop()
+            app.shut_down()
         if left:
             _log.error("these tasks did not end in time: %s", ", ".join(left))
 

@@ -21,7 +21,7 @@ from shared.protocol.fields import (
     Text,
 )
 
-VERSION = 1
+VERSION = 2
 
 _U32 = Number("I")
 _F32 = Number("f")

@@ -88,9 +88,15 @@ class _Guarded:
             self.task.step()
         except Exception as error:  # noqa: BLE001 - the runner is where a task's fault ends
             self.health.failed(error)
-            self._on_fault(self.task.row, error)
+            self._tell(error)
         else:
             self.health.finished(self._clock.now_s(), stopwatch_s() - began_s)
+
+    def _tell(self, error: Exception) -> None:
+        try:
+            self._on_fault(self.task.row, error)
+        except Exception:  # noqa: BLE001 - the task must be called again even when the answer to its fault fails
+            _log.exception("the answer to the fault of %s failed", self.task.row.name)
 
 
 class ThreadRunner:

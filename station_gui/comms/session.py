@@ -58,6 +58,7 @@ class _Pending:
 
 Connect = Callable[[], Link]
 _MAX_PENDING = 32
+_NEW_HANDS = 1 << 20  # a jump of the numbers by which the robot knows another station
 _DATAGRAMS_PER_STEP = 256
 
 
@@ -98,20 +99,34 @@ class Session:
         return self._state
 
     def connect(self, connect: Connect) -> None:
-        """Use `connect` to make the link, now and whenever it is lost."""
+        """Use `connect` to make the link, now and whenever it is lost.
+
+        To the robot this is another station: what was running there ends, and waits for a new start.
+        """
         with self._lock:
             self._connect = connect
             self._generation += 1
+            self._numbers = itertools.count(next(self._numbers) + _NEW_HANDS)
+            self._keep_stops_only()
             self._next_try_s = -math.inf
             self._back_off_s = self._config.reconnect_first_s
             self._state = LinkState.CONNECTING
 
     def disconnect(self) -> None:
+        """Let the link go. A stop that was not answered waits for the next connection."""
         with self._lock:
             self._connect = None
             self._generation += 1
-            self._pending.clear()
+            self._keep_stops_only()
+            unanswered = bool(self._pending)
             self._state = LinkState.DISCONNECTED
+        if unanswered:
+            self._listener.on_event(
+                Severity.ERROR, "the robot has not confirmed the stop; it stands without a heartbeat"
+            )
+
+    def _keep_stops_only(self) -> None:
+        self._pending = [p for p in self._pending if p.is_stop]
 
     def send(self, command: Command) -> bool:
         """Queue a command; False when there is no connection. Raises `ValueError` for one that cannot be sent.
@@ -120,8 +135,10 @@ class Session:
         """
         with self._lock:
             is_stop = isinstance(command, Stop | EmergencyStop)
-            if self._state is not LinkState.CONNECTED and not (is_stop and self._state is LinkState.LOST):
+            if self._state is not LinkState.CONNECTED and not (is_stop and self._connect is not None):
                 return False
+            if isinstance(command, Stop) and any(isinstance(p.command, EmergencyStop) for p in self._pending):
+                return True  # the stronger one is on its way
             number = self._next_number()
             pending = _Pending(number, command, _datagram(number, command))
             if is_stop:
@@ -219,6 +236,8 @@ class Session:
         self._heard_s = self._clock.now_s()
         self._back_off_s = self._config.reconnect_first_s
         with self._lock:
+            if self._link_generation != self._generation:  # the operator has let this link go meanwhile
+                return
             connected, self._state = self._state is LinkState.CONNECTED, LinkState.CONNECTED
         if not connected:
             self._told_refusal = ""
@@ -241,12 +260,13 @@ class Session:
     def _send_due(self, link: Link) -> None:
         now_s = self._clock.now_s()
         with self._lock:
-            waiting = list(self._pending)
+            connected = self._state is LinkState.CONNECTED
+            waiting = [p for p in self._pending if connected or p.is_stop]
         for pending in waiting:
             if now_s - pending.sent_s >= self._config.retry_s:
                 self._send_or_give_up(link, pending, now_s)
         # No heartbeat while a stop waits for its answer, or nobody looks: then the robot stands by itself.
-        may_live = self._operator_is_there() and not any(p.is_stop for p in waiting)
+        may_live = connected and self._operator_is_there() and not any(p.is_stop for p in waiting)
         if may_live and now_s - self._heartbeat_s >= self._config.heartbeat_s:
             self._heartbeat_s = now_s
             link.send(_datagram(self._next_number(), Heartbeat()))
@@ -275,9 +295,11 @@ class Session:
         if link is not None:
             link.close()
         with self._lock:
+            if self._link_generation != self._generation:
+                return
             was_connected = self._state is LinkState.CONNECTED
             unanswered = [type(p.command).__name__ for p in self._pending if not p.is_stop]
-            self._pending = [p for p in self._pending if p.is_stop]  # a stop is sent first when the link is back
+            self._keep_stops_only()  # they are sent first when the link is back
             if self._connect is None:
                 return
             self._state = LinkState.LOST if was_connected else self._state

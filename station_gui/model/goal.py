@@ -147,8 +147,11 @@ class GoalKeeper:
     def _send_path(self, plan: Plan, snapshot: MapSnapshot) -> None:
         rest = plan.path[min(self._at, len(plan.path) - 2) :]
         path = _in_odom(rest, snapshot.map_from_odom)
-        self._sent_end = path[-1]
-        self._send(GoTo(self._goal_id, path.astype(np.float32)))
+        with self._lock:
+            if self._plan is not plan:  # forgotten meanwhile
+                return
+            self._sent_end = path[-1]
+            self._send(GoTo(self._goal_id, path.astype(np.float32)))
 
 
 def _in_odom(path: NDArray[np.float64], map_from_odom: Pose2) -> NDArray[np.float64]:

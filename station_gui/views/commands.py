@@ -30,7 +30,7 @@ def allowed(view: OperatorView, stale_after_s: float) -> Allowed:
     connected = view.link_state is LinkState.CONNECTED
     telemetry = view.telemetry
     if not connected or telemetry is None or not view.telemetry_age_s <= stale_after_s:
-        return Allowed(stop=connected, emergency=True)
+        return Allowed(stop=True, emergency=True)  # both wait for a link that is lost
     state = telemetry.state
     return Allowed(
         start=state in {MissionState.IDLE, MissionState.HALTED},

@@ -54,6 +54,7 @@ def test_without_a_sensor_it_needs_the_car_stands_and_goes_on_when_it_is_back(
     [
         ("scanner", FaultKind.FROZEN, StopReason.SENSOR_STALE),
         ("scanner", FaultKind.BLIND, StopReason.SENSOR_STALE),
+        ("imu", FaultKind.FROZEN, StopReason.SENSOR_STALE),
         ("encoders", FaultKind.FROZEN, StopReason.STALLED),
     ],
 )
@@ -109,6 +110,31 @@ def test_an_emergency_stop_pressed_while_the_link_is_lost_holds_when_it_is_back(
     assert driving.station.view().link_state is LinkState.CONNECTED
     assert (telemetry(driving).state, telemetry(driving).stop_reason) == (MissionState.HALTED, StopReason.EMERGENCY)
     assert abs(driving.world.speed_mps()) < STANDS_MPS
+
+
+def test_an_emergency_stop_between_two_connections_holds(driving: Lockstep) -> None:
+    driving.cut_link()
+    driving.run(0.3)
+    driving.station.disconnect()
+    driving.station.connect("loopback", 0)
+    driving.run(0.3)
+    driving.station.emergency_stop()
+    driving.mend_link()
+    driving.run(6.0)
+    assert telemetry(driving).state is MissionState.HALTED
+    assert abs(driving.world.speed_mps()) < STANDS_MPS
+
+
+def test_an_operator_who_connects_again_must_start_again(driving: Lockstep) -> None:
+    driving.station.disconnect()
+    driving.run(0.2)
+    driving.station.connect("loopback", 0)
+    driving.run(4.0)
+    assert telemetry(driving).state is MissionState.HALTED
+    assert abs(driving.world.speed_mps()) < STANDS_MPS
+    driving.station.start()
+    driving.run(3.0)
+    assert driving.world.speed_mps() > 0.05
 
 
 def test_a_window_that_hangs_does_not_keep_the_robot_going(driving: Lockstep) -> None:

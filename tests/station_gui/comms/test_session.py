@@ -286,7 +286,7 @@ def test_a_robot_of_another_version_is_named_once(session: Session, robot: Robot
         robot.links[-1].send(body + zlib.crc32(body).to_bytes(4, "little"))
         session.step()
     told = [e for e in heard.events if "version" in e]
-    assert told == ["the robot speaks protocol version 99, this station 1: update the older one"]
+    assert told == ["the robot speaks protocol version 99, this station 2: update the older one"]
 
 
 def test_garbage_is_survived(session: Session, robot: Robot, heard: Heard, rng: np.random.Generator) -> None:
@@ -320,3 +320,42 @@ def test_a_robot_that_is_busy_says_so(clock: ManualClock, heard: Heard, robot: R
     session.step()
     assert heard.events == ["the robot refuses: another station is connected to it. Trying again until it works."]
     assert session.state is LinkState.CONNECTING
+
+
+def test_a_stop_given_while_connecting_is_the_first_thing_sent(clock: ManualClock, heard: Heard, robot: Robot) -> None:
+    robot.refuse = True
+    session = Session(SessionConfig(), clock, heard, 1)
+    session.connect(robot.connect)
+    session.step()
+    assert session.send(EmergencyStop())
+    robot.refuse = False
+    run(session, clock, 1.0)
+    first = Decoder().decode(robot.links[-1].receive(0.0) or b"")
+    assert isinstance(first, NumberedCommand)
+    assert isinstance(first.command, EmergencyStop)
+
+
+def test_a_stop_outlives_a_disconnection_and_an_order_does_not(
+    session: Session, robot: Robot, heard: Heard, clock: ManualClock
+) -> None:
+    session.send(Start())
+    session.send(EmergencyStop())
+    session.disconnect()
+    session.step()
+    assert "not confirmed the stop" in heard.events[-1]
+    session.connect(robot.connect)
+    run(session, clock, 0.3)
+    assert {type(m.command) for m in robot.received()} == {EmergencyStop}
+
+
+def test_a_stop_does_not_weaken_an_emergency_stop(session: Session, robot: Robot) -> None:
+    session.send(EmergencyStop())
+    session.send(Stop())
+    session.step()
+    assert [type(m.command) for m in robot.received()] == [EmergencyStop]
+
+
+def test_a_word_from_a_link_that_was_let_go_does_not_count(session: Session, robot: Robot, clock: ManualClock) -> None:
+    session.disconnect()
+    session._heard()
+    assert session.state is LinkState.DISCONNECTED

@@ -39,6 +39,6 @@ def test_old_news_allow_stopping_only(scenes, room, age_s):
     assert allowed(view, STALE_AFTER_S) == Allowed(stop=True, emergency=True)
 
 
-def test_the_emergency_stop_stays_while_the_link_is_lost(scenes, room):
+def test_both_stops_stay_while_the_link_is_lost(scenes, room):
     view = dataclasses.replace(scenes.connected_view(MissionState.OBSERVE, room), link_state=LinkState.LOST)
-    assert allowed(view, STALE_AFTER_S) == Allowed(emergency=True)
+    assert allowed(view, STALE_AFTER_S) == Allowed(stop=True, emergency=True)
