@@ -192,7 +192,9 @@ class Session:
     def _tell_once(self, reason: str) -> None:
         if reason != self._told_refusal:
             self._told_refusal = reason
-            self._listener.on_event(Severity.ERROR, f"{reason.rstrip('.')}. Trying again until it works.")
+            self._listener.on_event(
+                Severity.ERROR, f"{reason}{'' if reason.endswith(('.', '?')) else '.'} Trying again until it works."
+            )
 
     def _adopt(self, link: Link, generation: int) -> None:
         with self._lock:
