@@ -31,7 +31,6 @@ from shared.messages import (
     Hello,
     MissionState,
     ObjectNetwork,
-    ScanGeometry,
     Stop,
     StopReason,
     Telemetry,
@@ -91,15 +90,6 @@ class RobotApp:
         self._observed_scan_s = -math.inf
         self._sent_objects_s = -math.inf
         self._health: Callable[[], tuple[TaskHealth, ...]] = tuple
-
-    @property
-    def geometry(self) -> ScanGeometry:
-        """Of the scans that are sent."""
-        return self._geometry
-
-    @property
-    def state(self) -> MissionState:
-        return self._mission.state
 
     def warm_up(self) -> None:
         """Compile all kernels and touch all buffers; call it before the tasks run."""

@@ -49,7 +49,6 @@ class Uplink:
         self._was_connected = False
         self._last_number: int | None = None
         self._stop_number: int | None = None
-        self.observations_sent = 0
         self.observations_skipped = 0
 
     def receive(self, handle: Handler, heard: Callable[[], None], changed_hands: Callable[[], None]) -> None:
@@ -84,7 +83,6 @@ class Uplink:
     def observe(self, observation: Observation) -> bool:
         """Send an observation; False when the link had no room or no peer."""
         sent = self._send(observation)
-        self.observations_sent += sent
         self.observations_skipped += not sent
         return sent
 

@@ -65,10 +65,6 @@ class Director:
         self._stopped = False
         self.outcome: Outcome | None = None
 
-    @property
-    def step_name(self) -> str:
-        return self._step.value
-
     def step(self, view: OperatorView) -> None:
         """Look at the view and do the next thing."""
         if self.outcome is not None:

@@ -28,6 +28,7 @@ from tools.logs.base import LogError
 from tools.logs.carmen import CarmenReader
 from tools.logs.urg import UrgReader
 from tools.pictures import draw_map
+from tools.tum import write_tum
 
 tqdm.monitor_interval = 0  # its thread would outlive the bar
 
@@ -114,11 +115,7 @@ def _write(played: Played, pipeline: MappingPipeline, source: Source, title: str
     snapshot = pipeline.snapshot()
     folder.mkdir(parents=True, exist_ok=True)
     draw_map(snapshot.grid, snapshot.trajectory, snapshot.closures, folder / "map2d.png", title=title)
-    lines = (
-        f"{t:.6f} {x:.6f} {y:.6f} 0 0 0 {math.sin(a / 2):.9f} {math.cos(a / 2):.9f}\n"
-        for t, x, y, a in snapshot.trajectory.tolist()
-    )
-    (folder / "trajectory.tum").write_text("".join(lines), "utf-8")
+    write_tum(folder / "trajectory.tum", snapshot.trajectory)
     log_s = played.last_s - played.first_s
     steps = np.diff(snapshot.trajectory[:, 1:3], axis=0)
     summary = {

@@ -24,6 +24,7 @@ from station_gui.mapping.slam2d.particle.particle_slam import ParticleSlam
 from station_gui.mapping.slam2d.se2_arrays import between
 from tools.logs.base import LogError
 from tools.logs.carmen import CarmenReader
+from tools.tum import write_tum
 
 FloatArray = NDArray[np.float64]
 
@@ -78,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
         print(error, file=sys.stderr)
         return 2
     if args.trajectory is not None:
-        write_trajectory(args.trajectory, result.stamps_s, result.poses)
+        write_tum(args.trajectory, np.column_stack((result.stamps_s, result.poses)))
     if args.json:
         print(json.dumps(figures))
     else:
@@ -179,13 +180,6 @@ def relation_errors(stamps_s: FloatArray, poses: FloatArray, relations: FloatArr
     if not translation:
         raise LogError("no relation names two stamps of the log")
     return np.array(translation), np.array(rotation)
-
-
-def write_trajectory(path: Path, stamps_s: FloatArray, poses: FloatArray) -> None:
-    """TUM format: time x y z qx qy qz qw."""
-    with path.open("w", encoding="ascii") as stream:
-        for stamp, (x, y, theta) in zip(stamps_s, poses, strict=True):
-            stream.write(f"{stamp:.6f} {x:.6f} {y:.6f} 0 0 0 {np.sin(theta / 2):.9f} {np.cos(theta / 2):.9f}\n")
 
 
 def main() -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from shared.geometry.se2 import Pose2
 from tools.simulator.scenario import Scenario, Start
 from tools.simulator.solids import Solid, solids_of
 from tools.simulator.world import World
+from tools.tum import write_tum
 
 _TOUCHING_M = 0.001  # faces closer together than this are no surface
 TRUTH_FILE, SIMULATION_FILE = "truth.tum", "simulation.json"
@@ -86,11 +86,7 @@ def write_truth(world: World, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     with world.moved:
         poses, report = world.truth.poses(), _report(world)
-    rows = (
-        f"{t:.4f} {x:.6f} {y:.6f} 0 0 0 {math.sin(theta / 2):.9f} {math.cos(theta / 2):.9f}\n"
-        for t, x, y, theta in poses.tolist()
-    )
-    (folder / TRUTH_FILE).write_text("".join(rows), "utf-8")
+    write_tum(folder / TRUTH_FILE, poses)
     (folder / SIMULATION_FILE).write_text(json.dumps(report, indent=1) + "\n", "utf-8")
 
 
