@@ -132,6 +132,49 @@ def _brush(
 
 
 @njit(nogil=True, cache=True)
+def add_line_term(
+    w: float, r: float, nx: float, ny: float, rx: float, ry: float, hessian: FloatArray, gradient: FloatArray
+) -> None:
+    """Add the residual `r` along a line's normal, of weight `w`, to the upper half of the normal equations.
+
+    (`rx`, `ry`): the point relative to the robot, map directions.
+    """
+    turn = ny * rx - nx * ry
+    hessian[0, 0] += w * nx * nx
+    hessian[0, 1] += w * nx * ny
+    hessian[0, 2] += w * nx * turn
+    hessian[1, 1] += w * ny * ny
+    hessian[1, 2] += w * ny * turn
+    hessian[2, 2] += w * turn * turn
+    gradient[0] += w * r * nx
+    gradient[1] += w * r * ny
+    gradient[2] += w * r * turn
+
+
+@njit(nogil=True, cache=True)
+def add_point_term(
+    w: float, dx: float, dy: float, rx: float, ry: float, hessian: FloatArray, gradient: FloatArray
+) -> None:
+    """The same for a difference (`dx`, `dy`) in both coordinates."""
+    hessian[0, 0] += w
+    hessian[1, 1] += w
+    hessian[0, 2] -= w * ry
+    hessian[1, 2] += w * rx
+    hessian[2, 2] += w * (rx * rx + ry * ry)
+    gradient[0] += w * dx
+    gradient[1] += w * dy
+    gradient[2] += w * (dy * rx - dx * ry)
+
+
+@njit(nogil=True, cache=True)
+def mirror(hessian: FloatArray) -> None:
+    """Fill the lower half."""
+    hessian[1, 0] = hessian[0, 1]
+    hessian[2, 0] = hessian[0, 2]
+    hessian[2, 1] = hessian[1, 2]
+
+
+@njit(nogil=True, cache=True)
 def linearise(
     points: FloatArray,
     normals: FloatArray,
@@ -195,35 +238,17 @@ def linearise(
             r2 = r * r
             w = k2 / (k2 + r2)
             w *= w
-            turn = ny * rx - nx * ry
-            hessian[0, 0] += w * nx * nx
-            hessian[0, 1] += w * nx * ny
-            hessian[0, 2] += w * nx * turn
-            hessian[1, 1] += w * ny * ny
-            hessian[1, 2] += w * ny * turn
-            hessian[2, 2] += w * turn * turn
-            gradient[0] += w * r * nx
-            gradient[1] += w * r * ny
-            gradient[2] += w * r * turn
+            add_line_term(w, r, nx, ny, rx, ry, hessian, gradient)
         else:
             r2 = dx * dx + dy * dy
             w = k2 / (k2 + r2)
             w *= w * point_weight
-            hessian[0, 0] += w
-            hessian[1, 1] += w
-            hessian[0, 2] -= w * ry
-            hessian[1, 2] += w * rx
-            hessian[2, 2] += w * (rx * rx + ry * ry)
-            gradient[0] += w * dx
-            gradient[1] += w * dy
-            gradient[2] += w * (dy * rx - dx * ry)
+            add_point_term(w, dx, dy, rx, ry, hessian, gradient)
         figures[0] += k2 * r2 / (k2 + r2)
         if r2 < inlier_m * inlier_m:
             figures[2] += 1.0
             figures[3] += r2
-    hessian[1, 0] = hessian[0, 1]
-    hessian[2, 0] = hessian[0, 2]
-    hessian[2, 1] = hessian[1, 2]
+    mirror(hessian)
 
 
 @njit(nogil=True, cache=True)

@@ -8,7 +8,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from station_gui.mapping.slam2d.matching._kernels import prior_information, solve3
+from station_gui.mapping.slam2d.matching._kernels import (
+    add_line_term,
+    add_point_term,
+    mirror,
+    prior_information,
+    solve3,
+)
 from station_gui.mapping.slam2d.particle.blocks._kernels import (
     CODE_ROW,
     MAX_REACH,
@@ -150,33 +156,15 @@ def linearise(
             r2 = r * r
             w = k2 / (k2 + r2)
             w *= w
-            turn = ny * rx - nx * ry
-            hessian[0, 0] += w * nx * nx
-            hessian[0, 1] += w * nx * ny
-            hessian[0, 2] += w * nx * turn
-            hessian[1, 1] += w * ny * ny
-            hessian[1, 2] += w * ny * turn
-            hessian[2, 2] += w * turn * turn
-            gradient[0] += w * r * nx
-            gradient[1] += w * r * ny
-            gradient[2] += w * r * turn
+            add_line_term(w, r, nx, ny, rx, ry, hessian, gradient)
         else:
             r2 = dx * dx + dy * dy
             w = k2 / (k2 + r2)
             w *= w * point_weight
-            hessian[0, 0] += w
-            hessian[1, 1] += w
-            hessian[0, 2] -= w * ry
-            hessian[1, 2] += w * rx
-            hessian[2, 2] += w * (rx * rx + ry * ry)
-            gradient[0] += w * dx
-            gradient[1] += w * dy
-            gradient[2] += w * (dy * rx - dx * ry)
+            add_point_term(w, dx, dy, rx, ry, hessian, gradient)
         if r2 < inlier_m * inlier_m:
             inliers += 1.0
-    hessian[1, 0] = hessian[0, 1]
-    hessian[2, 0] = hessian[0, 2]
-    hessian[2, 1] = hessian[1, 2]
+    mirror(hessian)
     return inliers
 
 
