@@ -8,7 +8,6 @@ bound (as in Cartographer, Hess et al. 2016); the graph is optimised under dynam
 from __future__ import annotations
 
 import math
-from collections import deque
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,17 +16,15 @@ from shared.geometry.se2 import Pose2
 from station_gui.mapping.scan import PointScan
 from station_gui.mapping.slam2d.base import MappingError
 from station_gui.mapping.slam2d.config import GraphSlamConfig
-from station_gui.mapping.slam2d.graph.loop_closure import Candidate, Closure, LoopCloser, edge_information
+from station_gui.mapping.slam2d.graph.loop_closure import LoopCloser, edge_information
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
+from station_gui.mapping.slam2d.graph.upkeep import GraphUpkeep
 from station_gui.mapping.slam2d.grid.occupancy_grid import OccupancyGrid
 from station_gui.mapping.slam2d.keyframes import Keyframe, Placed
 from station_gui.mapping.slam2d.local_map_builder import LocalMapBuilder
 from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, Match, ScanMatcher, to_lines
 from station_gui.mapping.slam2d.se2_arrays import between, compose
 from station_gui.mapping.snapshot import GridMap
-
-_MAX_WAITING_JOBS = 200
-_MAX_UNCONFIRMED = 30
 
 
 class GraphSlam:
@@ -38,16 +35,14 @@ class GraphSlam:
         self._matcher = ScanMatcher(config.match, config.local_map.reach_cells, config.local_map.cell_m)
         self._local = LocalMapBuilder(config.local_map)
         self._graph = PoseGraph(config.pose_graph)
-        self._closer = LoopCloser(config.loops, config.local_map, self._matcher)
         self._grid = OccupancyGrid(config.grid)
         self._scans = Placed()
         self._keyframes: list[Keyframe] = []
         self._keyframe_places = Placed()
         self._by_node: list[list[Keyframe]] = []
         self._first_keyframe: list[int] = []  # of each node
-        self._jobs: deque[Candidate] = deque(maxlen=_MAX_WAITING_JOBS)
-        self._unconfirmed: deque[Closure] = deque(maxlen=_MAX_UNCONFIRMED)
-        self._closed: list[tuple[int, int]] = []
+        closer = LoopCloser(config.loops, config.local_map, self._matcher)
+        self._upkeep = GraphUpkeep(config.pose_graph, config.loops, closer, self._graph, self._by_node)
         self._revision = 0
         self._grid_revision = 0  # that the grid was last drawn for
         self._node = 0
@@ -58,9 +53,6 @@ class GraphSlam:
         self._node_way_m = 0.0
         self._node_turn_rad = 0.0
         self._lost_scans = 0
-        self._bent = False  # closures say that the graph wants optimising
-        self._urgent = False
-        self._optimised_nodes = 0
 
     def add(self, scan: PointScan) -> Pose2:
         """See `Slam.add`. Raises MappingError for a scan that holds anything but finite numbers."""
@@ -84,12 +76,9 @@ class GraphSlam:
         """
         if self._graph.nodes == 0:
             return
-        self._jobs.extend(self._closer.candidates(self._graph, self._node))
-        while self._jobs or self._closer.busy:
-            self._search()
-        before = self._graph.poses.copy()
-        self._graph.optimise()
-        self._note_moves(before)
+        self._upkeep.look_for_loops(self._node)
+        if self._upkeep.finish():
+            self._note_revision()
         self._grid = OccupancyGrid(self._config.grid)
 
     def pose_of_scan(self, index: int) -> Pose2:
@@ -109,7 +98,7 @@ class GraphSlam:
         return np.column_stack((stamps, self._keyframe_places.poses(self._graph.poses)))
 
     def closures(self) -> NDArray[np.int32]:
-        pairs = [(self._first_keyframe[a], self._first_keyframe[b]) for a, b in self._closed]
+        pairs = [(self._first_keyframe[a], self._first_keyframe[b]) for a, b in self._upkeep.closed]
         return np.array(pairs, np.int32).reshape(-1, 2)
 
     def grid(self) -> GridMap:
@@ -186,7 +175,7 @@ class GraphSlam:
         before, way_m = self._node, self._node_way_m
         self._new_node()
         self._graph.add_edge(before, self._node, measured, information, max(way_m, 0.1), robust=False)
-        self._jobs.extend(self._closer.candidates(self._graph, before))
+        self._upkeep.look_for_loops(before)
 
     def _start_over(self, scan: PointScan, lines: LineScan) -> None:
         """Lost for good: a new piece of map, held to the old one by odometry until a loop joins them."""
@@ -243,91 +232,24 @@ class GraphSlam:
         self._local.add_pending(keyframe)
 
     def _work(self) -> None:
-        """A bounded share of what is put off: one search or one step of optimisation, some scans of the next window."""
-        searching = self._closer.busy or self._jobs
-        if self._graph.optimising or self._urgent or not searching:
-            self._optimise_a_little()
-        else:
-            self._search()
+        """A bounded share of what is put off: loops and their optimisation, some scans of the next window."""
+        if self._upkeep.step():
+            self._note_revision()
         if not self._local.building and self._since_rebuild_m > self._config.local_map.rebuild_distance_m:
             self._since_rebuild_m = 0.0
             self._local.begin(self._graph, self._by_node, self._node, self._map_pose())
         if self._local.step():
             self._adopt_window()
 
+    def _note_revision(self) -> None:
+        """The nodes have moved: the next window shall be drawn as they are now."""
+        self._revision += 1
+        self._since_rebuild_m = math.inf
+
     def _adopt_window(self) -> None:
         in_node = self._pose_in_node()
         self._local_from_node = self._local.current_from_node
         self._pose = compose(self._local_from_node, in_node)
-
-    def _search(self) -> None:
-        if not self._closer.busy:
-            self._closer.begin(self._jobs.popleft())
-        closure = self._closer.step(self._graph, self._by_node)
-        if closure is not None:
-            self._judge(closure)
-
-    def _judge(self, closure: Closure) -> None:
-        """What agrees with the graph is believed; what does not needs a second closure that says the same."""
-        correction = self._correction(closure)
-        if not closure.searched or np.hypot(correction[0], correction[1]) < self._config.loops.agreement_m:
-            self._accept([closure])
-            return
-        agreeing = [other for other in self._unconfirmed if other.new != closure.new and self._agree(other, closure)]
-        if agreeing:
-            self._accept([*agreeing, closure])
-            for other in agreeing:
-                self._unconfirmed.remove(other)
-        else:
-            self._unconfirmed.append(closure)
-
-    def _correction(self, closure: Closure) -> NDArray[np.float64]:
-        """What the closure says against the graph, in the frame of its new node."""
-        expected = compose(self._graph.poses[closure.old], closure.measured)
-        return between(self._graph.poses[closure.new], expected)
-
-    def _agree(self, a: Closure, b: Closure) -> bool:
-        """Both closures move the new place in the same way."""
-        if abs(a.new - b.new) > 15:
-            return False
-        from_a = compose(self._graph.poses[a.old], a.measured)
-        by_a = compose(from_a, between(self._graph.poses[a.new], self._graph.poses[b.new]))
-        difference = between(compose(self._graph.poses[b.old], b.measured), by_a)
-        config = self._config.loops
-        return bool(
-            np.hypot(difference[0], difference[1]) < config.agreement_m and abs(difference[2]) < config.agreement_rad
-        )
-
-    def _accept(self, closures: list[Closure]) -> None:
-        config = self._config.pose_graph
-        for closure in closures:
-            information = edge_information(closure.information, 0.0, config.shift_sigma_m, config.turn_sigma_rad)
-            self._graph.add_edge(closure.old, closure.new, closure.measured, information, 0.5, robust=True)
-            self._closed.append((closure.old, closure.new))
-        if float(self._graph.chi2()[-len(closures) :].max()) > config.optimise_chi2:
-            self._bent = True
-        self._urgent = self._urgent or len(closures) > 1
-
-    def _optimise_a_little(self) -> None:
-        """Small corrections are gathered over a few nodes, a loop that was far open is closed at once."""
-        graph = self._graph
-        if graph.optimising:
-            before = graph.poses.copy()
-            if graph.step():
-                self._note_moves(before)
-            return
-        due = graph.nodes - self._optimised_nodes >= self._config.pose_graph.optimise_nodes
-        if self._urgent or (self._bent and due):
-            self._urgent = self._bent = False
-            self._optimised_nodes = graph.nodes
-            graph.begin_optimisation()
-
-    def _note_moves(self, before: NDArray[np.float64]) -> None:
-        moved_m = np.hypot(*(self._graph.poses - before)[:, :2].T)
-        if float(moved_m.max()) > self._config.pose_graph.moved_m:
-            self._revision += 1
-            self._closer.forget_places()
-            self._since_rebuild_m = math.inf
 
     def _pose_in_node(self) -> NDArray[np.float64]:
         return between(self._local_from_node, self._pose)

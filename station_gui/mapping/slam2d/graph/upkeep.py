@@ -1,0 +1,138 @@
+"""What keeps a pose graph true and can wait: the search for loops, the judgement on them, the optimisation.
+
+It runs in the caller's thread, a bounded share at a time, so that what comes out depends on the scans alone.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station_gui.mapping.slam2d.config import LoopConfig, PoseGraphConfig
+from station_gui.mapping.slam2d.graph.loop_closure import Candidate, Closure, LoopCloser, edge_information
+from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
+from station_gui.mapping.slam2d.keyframes import Keyframe
+from station_gui.mapping.slam2d.se2_arrays import between, compose
+
+_MAX_WAITING_JOBS = 200
+_MAX_UNCONFIRMED = 30
+
+
+class GraphUpkeep:
+    """Adds closures to `graph` and optimises it. `by_node`: keyframes of each node, which the caller extends."""
+
+    def __init__(
+        self,
+        config: PoseGraphConfig,
+        loops: LoopConfig,
+        closer: LoopCloser,
+        graph: PoseGraph,
+        by_node: list[list[Keyframe]],
+    ) -> None:
+        self._config = config
+        self._loops = loops
+        self._closer = closer
+        self._graph = graph
+        self._by_node = by_node
+        self._jobs: deque[Candidate] = deque(maxlen=_MAX_WAITING_JOBS)
+        self._unconfirmed: deque[Closure] = deque(maxlen=_MAX_UNCONFIRMED)
+        self._closed: list[tuple[int, int]] = []
+        self._bent = False  # closures say that the graph wants optimising
+        self._urgent = False
+        self._optimised_nodes = 0
+
+    @property
+    def closed(self) -> list[tuple[int, int]]:
+        """Nodes, older one first, that closures join."""
+        return self._closed
+
+    def look_for_loops(self, node: int) -> None:
+        """Some time soon, from a node whose scans are all there."""
+        self._jobs.extend(self._closer.candidates(self._graph, node))
+
+    def step(self) -> bool:
+        """One share of a search or of an optimisation; True when the nodes have moved against each other."""
+        searching = self._closer.busy or self._jobs
+        if self._graph.optimising or self._urgent or not searching:
+            return self._optimise_a_little()
+        self._search()
+        return False
+
+    def finish(self) -> bool:
+        """All that waits, and one more optimisation; True when the nodes have moved."""
+        while self._jobs or self._closer.busy:
+            self._search()
+        before = self._graph.poses.copy()
+        self._graph.optimise()
+        return self._note_moves(before)
+
+    def _search(self) -> None:
+        if not self._closer.busy:
+            self._closer.begin(self._jobs.popleft())
+        closure = self._closer.step(self._graph, self._by_node)
+        if closure is not None:
+            self._judge(closure)
+
+    def _judge(self, closure: Closure) -> None:
+        """What agrees with the graph is believed; what does not needs a second closure that says the same."""
+        correction = self._correction(closure)
+        if not closure.searched or np.hypot(correction[0], correction[1]) < self._loops.agreement_m:
+            self._accept([closure])
+            return
+        agreeing = [other for other in self._unconfirmed if other.new != closure.new and self._agree(other, closure)]
+        if agreeing:
+            self._accept([*agreeing, closure])
+            for other in agreeing:
+                self._unconfirmed.remove(other)
+        else:
+            self._unconfirmed.append(closure)
+
+    def _correction(self, closure: Closure) -> NDArray[np.float64]:
+        """What the closure says against the graph, in the frame of its new node."""
+        expected = compose(self._graph.poses[closure.old], closure.measured)
+        return between(self._graph.poses[closure.new], expected)
+
+    def _agree(self, a: Closure, b: Closure) -> bool:
+        """Both closures move the new place in the same way."""
+        if abs(a.new - b.new) > 15:
+            return False
+        poses = self._graph.poses
+        from_a = compose(poses[a.old], a.measured)
+        by_a = compose(from_a, between(poses[a.new], poses[b.new]))
+        difference = between(compose(poses[b.old], b.measured), by_a)
+        return bool(
+            np.hypot(difference[0], difference[1]) < self._loops.agreement_m
+            and abs(difference[2]) < self._loops.agreement_rad
+        )
+
+    def _accept(self, closures: list[Closure]) -> None:
+        config = self._config
+        for closure in closures:
+            information = edge_information(closure.information, 0.0, config.shift_sigma_m, config.turn_sigma_rad)
+            self._graph.add_edge(closure.old, closure.new, closure.measured, information, 0.5, robust=True)
+            self._closed.append((closure.old, closure.new))
+        if float(self._graph.chi2()[-len(closures) :].max()) > config.optimise_chi2:
+            self._bent = True
+        self._urgent = self._urgent or len(closures) > 1
+
+    def _optimise_a_little(self) -> bool:
+        """Small corrections are gathered over a few nodes, a loop that was far open is closed at once."""
+        graph = self._graph
+        if graph.optimising:
+            before = graph.poses.copy()
+            return graph.step() and self._note_moves(before)
+        due = graph.nodes - self._optimised_nodes >= self._config.optimise_nodes
+        if self._urgent or (self._bent and due):
+            self._urgent = self._bent = False
+            self._optimised_nodes = graph.nodes
+            graph.begin_optimisation()
+        return False
+
+    def _note_moves(self, before: NDArray[np.float64]) -> bool:
+        moved_m = np.hypot(*(self._graph.poses - before)[:, :2].T)
+        if float(moved_m.max()) <= self._config.moved_m:
+            return False
+        self._closer.forget_places()
+        return True
