@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from robot_app.drivers.base import DepthImage
 from robot_app.perception.config import PerceptionConfig
+from robot_app.perception.learner import Network
 from robot_app.perception.point_cloud import EdgeCloud, Mount
 from robot_app.perception.refine import refine
-from robot_app.perception.simplified_fast_gng import Network, SimplifiedFastGng
+from robot_app.perception.simplified_fast_gng import SimplifiedFastGng
 from shared.geometry.camera import Intrinsics
 from shared.messages import ObjectNetwork
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from robot_app.perception.config import RefineConfig
-from robot_app.perception.network import _kernels as kernels
+from robot_app.perception.learner import Network
 from robot_app.perception.point_cloud import EdgeCloud
-from robot_app.perception.simplified_fast_gng import Network
+from robot_app.perception.refinement import _kernels as kernels
 
 
 def refine(network: Network, cloud: EdgeCloud, config: RefineConfig) -> None:

@@ -1,1 +1,1 @@
-"""Kernels that grow and refine a network of nodes and connections."""
+"""Kernels on a network of nodes and connections, which the learners and the post-processing share."""

@@ -13,8 +13,10 @@ from robot_app.drivers.base import DepthImage
 from robot_app.perception import _kernels as edge_kernels
 from robot_app.perception.config import EdgeConfig, LearningConfig, PerceptionConfig, RefineConfig
 from robot_app.perception.curves import _kernels as curve_kernels
+from robot_app.perception.learners.simplified import _kernels as growth_kernels
 from robot_app.perception.network import _kernels as network_kernels
 from robot_app.perception.object_extractor import ObjectExtractor, clusters
+from robot_app.perception.refinement import _kernels as refinement_kernels
 from shared.geometry.camera import CameraMount, Intrinsics
 from shared.messages import ObjectNetwork
 
@@ -206,7 +208,7 @@ def test_nothing_is_compiled_after_warming_up(world, room) -> None:
 
 
 def all_kernels() -> list:
-    modules = (edge_kernels, curve_kernels, network_kernels)
+    modules = (edge_kernels, curve_kernels, growth_kernels, network_kernels, refinement_kernels)
     return [item for module in modules for item in vars(module).values() if hasattr(item, "signatures")]
 
 

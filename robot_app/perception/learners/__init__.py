@@ -1,0 +1,1 @@
+"""Learners: from sample points to a network of nodes and connections."""

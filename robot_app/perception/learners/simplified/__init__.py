@@ -1,0 +1,1 @@
+"""Simplified FastGNG (paper 1, section 3.2)."""

@@ -1,0 +1,1 @@
+"""Kernels that turn a learned network into outlines."""
