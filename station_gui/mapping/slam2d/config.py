@@ -110,6 +110,8 @@ class PoseGraphConfig:
     turn_sigma_rad: float = math.radians(0.15)
     lost_shift_sigma_m: float = 0.3
     lost_turn_sigma_rad: float = math.radians(10.0)
+    found_shift_sigma_m: float = 0.03  # of an edge to a place where a lost robot was found
+    found_turn_sigma_rad: float = math.radians(1.0)
     switch_chi2: float = 12.0  # a closure whose error is above this loses weight (dynamic covariance scaling)
     iterations: int = 12
     optimise_chi2: float = 4.0  # a closure that the graph agrees with better is not worth an optimisation now

@@ -8,16 +8,19 @@ bound (as in Cartographer, Hess et al. 2016); the graph is optimised under dynam
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shared.geometry.se2 import Pose2
+from station_gui.mapping.saved_map import SavedMap
 from station_gui.mapping.scan import PointScan
 from station_gui.mapping.slam2d.base import MappingError
 from station_gui.mapping.slam2d.config import GraphSlamConfig
 from station_gui.mapping.slam2d.graph.loop_closure import LoopCloser, edge_information
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
+from station_gui.mapping.slam2d.graph.stored import fill, to_saved
 from station_gui.mapping.slam2d.graph.upkeep import GraphUpkeep
 from station_gui.mapping.slam2d.grid.occupancy_grid import OccupancyGrid
 from station_gui.mapping.slam2d.keyframes import Keyframe, Placed
@@ -56,13 +59,65 @@ class GraphSlam:
 
     def add(self, scan: PointScan) -> Pose2:
         """See `Slam.add`. Raises MappingError for a scan that holds anything but finite numbers."""
-        if not (np.isfinite(scan.points_m).all() and np.isfinite(scan.odom_from_robot.as_array()).all()):
-            raise MappingError(f"the scan at {scan.stamp_s:.3f} s holds numbers that are not finite")
-        lines = to_lines(scan.points_m, scan.origin_m, self._config.normals)
-        if len(self._scans) == 0:
+        lines = self._lines(scan)
+        if self._graph.nodes == 0:
             self._begin(scan, lines)
         else:
             self._track(scan, lines)
+        return self._added(scan)
+
+    def load(self, saved: SavedMap) -> None:
+        """Begin with this map; the next scan has to come by `resume`."""
+        fill(self._graph, saved)
+        self._by_node.extend([] for _ in range(len(saved.nodes)))
+        for keyframe in saved.keyframes:
+            self._keyframes.append(keyframe)
+            self._keyframe_places.append(keyframe.node, keyframe.in_node)
+            self._by_node[keyframe.node].append(keyframe)
+        first = np.searchsorted(saved.keyframe_nodes(), np.arange(len(saved.nodes)))
+        self._first_keyframe.extend(np.minimum(first, len(saved.keyframes) - 1).tolist())
+        self._upkeep.closed.extend((int(i), int(j)) for i, j in saved.ends[saved.robust])
+
+    def saved(self) -> SavedMap:
+        """The map as it is believed now."""
+        return to_saved(self._graph, self._keyframes)
+
+    @property
+    def keyframes(self) -> Sequence[Keyframe]:
+        """In the order of `trajectory()`."""
+        return self._keyframes
+
+    @property
+    def lost_scans(self) -> int:
+        """How many scans in a row have not fitted."""
+        return self._lost_scans
+
+    def resume(self, scan: PointScan, map_from_robot: Pose2) -> Pose2:
+        """As `add`, for a robot that somebody else has found to be at this place of the map."""
+        lines = self._lines(scan)
+        config = self._config.pose_graph
+        pose = map_from_robot.as_array()
+        away_m = np.hypot(*(self._graph.poses[:, :2] - pose[:2]).T)
+        near = int(np.argmin(away_m))
+        self._pose = pose
+        self._node = self._append_node(pose)
+        information = np.diag(1.0 / np.square([config.found_shift_sigma_m] * 2 + [config.found_turn_sigma_rad]))
+        measured = between(self._graph.poses[near], pose)
+        self._graph.add_edge(near, self._node, measured, information, max(float(away_m[near]), 0.1), robust=False)
+        self._renew_window()
+        match = self._matcher.refine(lines, self._local.current, self._pose)
+        if match.share >= self._config.match.regained_share and np.isfinite(match.pose).all():
+            self._pose = match.pose
+        self._lost_scans = 0
+        self._add_keyframe(scan, lines)
+        return self._added(scan)
+
+    def _lines(self, scan: PointScan) -> LineScan:
+        if not (np.isfinite(scan.points_m).all() and np.isfinite(scan.odom_from_robot.as_array()).all()):
+            raise MappingError(f"the scan at {scan.stamp_s:.3f} s holds numbers that are not finite")
+        return to_lines(scan.points_m, scan.origin_m, self._config.normals)
+
+    def _added(self, scan: PointScan) -> Pose2:
         self._odometry = scan.odom_from_robot
         self._scans.append(self._node, self._pose_in_node())
         self._work()
@@ -187,24 +242,31 @@ class GraphSlam:
         information = np.diag(1.0 / np.square([shift, shift, turn]))
         apart_m = 2 * config.local_map.graph_reach_m  # so that the old piece stays out of the local map
         self._graph.add_edge(before, self._node, measured, information, apart_m, robust=False)
+        self._renew_window()
+        self._lost_scans = 0
+        self._add_keyframe(scan, lines)
+
+    def _renew_window(self) -> None:
+        """All of it at once."""
         self._local.begin(self._graph, self._by_node, self._node, self._map_pose())
         while not self._local.step():
             pass
         self._adopt_window()
-        self._lost_scans = 0
-        self._add_keyframe(scan, lines)
 
     def _new_node(self) -> None:
         """At the robot's pose."""
         pose = self._pose if self._graph.nodes == 0 else self._map_pose()
         if self._graph.nodes:
             self._local.next_node(self._pose_in_node())
-        self._node = self._graph.add_node(pose)
+        self._node = self._append_node(pose)
+
+    def _append_node(self, pose: NDArray[np.float64]) -> int:
         self._local_from_node = self._pose.copy()
         self._by_node.append([])
         self._first_keyframe.append(len(self._keyframes))
         self._node_way_m = 0.0
         self._node_turn_rad = 0.0
+        return self._graph.add_node(pose)
 
     def _is_keyframe(self, points: int) -> bool:
         if points < self._config.match.min_points:

@@ -85,6 +85,25 @@ class PoseGraph:
         self.edges += 1
 
     @property
+    def measured(self) -> NDArray[np.float64]:
+        """(edges, 3): the second node as seen from the first; a view."""
+        return self._measured[: self.edges]
+
+    @property
+    def information(self) -> NDArray[np.float64]:
+        """(edges, 3, 3), frame of the first node; a view."""
+        return self._information[: self.edges]
+
+    @property
+    def length_m(self) -> NDArray[np.float64]:
+        """(edges,): the way that the drift of each is worth; a view."""
+        return self._length_m[: self.edges]
+
+    def take_as_settled(self) -> None:
+        """The edges so far have been optimised elsewhere: none is new to the next optimisation."""
+        self._optimised_edges = self.edges
+
+    @property
     def optimising(self) -> bool:
         return self._trial is not None
 
