@@ -1,4 +1,4 @@
-"""Distances to and visibility of line segments in the plane."""
+"""Distances to and visibility of line segments in the plane; reading a whole depth image."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 _F64 = NDArray[np.float64]
+_F32 = NDArray[np.float32]
 
 
 @njit(nogil=True, cache=True)
@@ -81,3 +82,14 @@ def seen_from_any(
                 seen[i] = True
                 lucky = v
                 break
+
+
+@njit(nogil=True, cache=True)
+def back_project(depth: NDArray[np.uint16], unit_m: float, slope_x: _F32, slope_y: _F32, cloud_m: _F32) -> None:
+    """Reads every pixel of `depth` (H, W) and writes its point: `cloud_m` (H, W, 3), optical frame."""
+    for i in range(depth.shape[0]):
+        for j in range(depth.shape[1]):
+            z = np.float32(depth[i, j] * unit_m)
+            cloud_m[i, j, 0] = slope_x[j] * z
+            cloud_m[i, j, 1] = slope_y[i] * z
+            cloud_m[i, j, 2] = z

@@ -13,13 +13,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from robot_app.drivers.base import DepthImage
 from shared.geometry.camera import Intrinsics
 from tools.evaluate import extraction
-from tools.evaluate.depth_files import DepthFileError, decompress_lzf, read_depth
+from tools.evaluate.depth_files import DepthFileError, read_depth
+from tools.evaluate.extraction_floor import find_floor
+from tools.evaluate.pcd import decompress_lzf
 
 CLOUDS = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "depth" / "labelled_tabletop"
 
@@ -53,28 +56,115 @@ def test_an_array_holds_metres_and_what_is_no_depth_is_zero(tmp_path: Path, name
     assert (image.depth * image.unit_m).tolist() == [[0.5, 0.0], [0.0, 0.0]]
 
 
-def pcd_of(depth_m: np.ndarray, form: str) -> bytes:
+def pcd_of(depth_m: np.ndarray, form: str, labels: np.ndarray | None = None) -> bytes:
     height, width = depth_m.shape
     columns, rows = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    xyz = np.stack(((columns - 32) / 60 * depth_m, (rows - 24) / 60 * depth_m, depth_m)).astype("<f4")
+    fields = [(columns - 32) / 60 * depth_m, (rows - 24) / 60 * depth_m, depth_m]
+    names = "x y z" if labels is None else "x y z label"
+    types = "F F F" if labels is None else "F F F U"
     header = (
-        f"# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {width}\n"
-        f"HEIGHT {height}\nPOINTS {width * height}\nDATA {form}\n"
+        f"# .PCD v0.7\nVERSION 0.7\nFIELDS {names}\nSIZE{' 4' * len(names.split())}\nTYPE {types}\n"
+        f"WIDTH {width}\nHEIGHT {height}\nPOINTS {width * height}\nDATA {form}\n"
     ).encode()
+    columns_of = [field.astype("<f4") for field in fields] + ([] if labels is None else [labels.astype("<u4")])
+    if form == "ascii":
+        lines = zip(*(column.ravel().tolist() for column in columns_of), strict=True)
+        return header + "\n".join(" ".join(str(value) for value in line) for line in lines).encode()
     if form == "binary":
-        return header + xyz.reshape(3, -1).T.tobytes()
-    raw = xyz.tobytes()
+        return header + np.stack([column.ravel().view("<u4") for column in columns_of], axis=1).tobytes()
+    raw = b"".join(column.tobytes() for column in columns_of)
     packed = b"".join(bytes([len(raw[i : i + 32]) - 1]) + raw[i : i + 32] for i in range(0, len(raw), 32))
     return header + struct.pack("<II", len(packed), len(raw)) + packed
 
 
-@pytest.mark.parametrize("form", ["binary", "binary_compressed"])
+@pytest.mark.parametrize("form", ["ascii", "binary", "binary_compressed"])
 def test_an_organised_cloud_tells_its_own_lens(tmp_path: Path, form: str) -> None:
     depth_m = np.random.default_rng(1).uniform(1.0, 2.0, (48, 64))
+    depth_m[3, 4] = math.nan
     (tmp_path / "a.pcd").write_bytes(pcd_of(depth_m, form))
     file = read_depth(tmp_path / "a.pcd")
-    np.testing.assert_allclose(file.image.depth * file.image.unit_m, depth_m, atol=0.0002)
+    np.testing.assert_allclose(file.image.depth * file.image.unit_m, np.nan_to_num(depth_m), atol=0.0002)
     assert file.lens_px == pytest.approx((60, 60, 32, 24), abs=0.01)
+    assert file.labels is None
+
+
+@pytest.mark.parametrize("form", ["ascii", "binary", "binary_compressed"])
+def test_the_labels_of_a_cloud_are_read(tmp_path: Path, form: str) -> None:
+    depth_m = np.random.default_rng(1).uniform(1.0, 2.0, (48, 64))
+    labels = np.arange(48 * 64).reshape(48, 64) % 45
+    (tmp_path / "a.pcd").write_bytes(pcd_of(depth_m, form, labels))
+    read = read_depth(tmp_path / "a.pcd").labels
+    assert read is not None
+    np.testing.assert_array_equal(read, labels)
+
+
+def spoilt(name: str) -> bytes:
+    """A cloud with one thing wrong."""
+    good = pcd_of(np.full((48, 64), 2.0), "binary")
+    wrong = {
+        "cut short": good[:-5],
+        "no header's end": b"FIELDS x y z\n",
+        "no WIDTH": good.replace(b"WIDTH 64\n", b""),
+        "huge": good.replace(b"WIDTH 64", b"WIDTH 99999999999"),
+        "unorganised": good.replace(b"HEIGHT 48", b"HEIGHT 1"),
+        "negative": good.replace(b"WIDTH 64", b"WIDTH -64"),
+        "no z": good.replace(b"x y z", b"x y w"),
+        "a strange type": good.replace(b"TYPE F F F", b"TYPE F F Q"),
+        "a strange size": good.replace(b"SIZE 4 4 4", b"SIZE 4 4 3"),
+        "a strange count": good.replace(b"WIDTH", b"COUNT 1 1 -1\nWIDTH"),
+        "a strange form": good.replace(b"DATA binary", b"DATA zip"),
+        "no camera": pcd_of(np.full((48, 64), 2.0), "ascii").replace(b"2.0", b"nan"),
+        "letters": good.replace(b"DATA binary", b"DATA ascii"),
+        "a compressed bomb": good.replace(b"DATA binary", b"DATA binary_compressed"),
+        "not ascii": b"\xff\xfe" + good,
+        "empty": b"",
+    }
+    return wrong[name]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "cut short",
+        "no header's end",
+        "no WIDTH",
+        "huge",
+        "unorganised",
+        "negative",
+        "no z",
+        "a strange type",
+        "a strange size",
+        "a strange count",
+        "a strange form",
+        "no camera",
+        "letters",
+        "a compressed bomb",
+        "not ascii",
+        "empty",
+    ],
+)
+def test_a_spoilt_cloud_is_refused_in_one_line(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "a.pcd"
+    path.write_bytes(spoilt(name))
+    with pytest.raises(DepthFileError, match=r"a\.pcd") as refusal:
+        read_depth(path)
+    assert "\n" not in str(refusal.value)
+
+
+@settings(deadline=None)
+@given(st.binary(max_size=400), st.sampled_from([".png", ".npy", ".npy.gz", ".pcd", ".pcd.gz"]), st.booleans())
+def test_no_bytes_crash_the_reader(
+    tmp_path_factory: pytest.TempPathFactory, tail: bytes, ending: str, lead: bool
+) -> None:
+    path = tmp_path_factory.mktemp("hostile") / f"a{ending}"
+    heads = {
+        ".png": b"\x89PNG\r\n\x1a\n",
+        ".npy": b"\x93NUMPY\x01\x00",
+        ".pcd": pcd_of(np.full((2, 2), 1.0), "ascii")[:110],
+    }
+    path.write_bytes((heads.get(ending, b"\x1f\x8b\x08") if lead else b"") + tail)
+    with contextlib.suppress(DepthFileError):
+        read_depth(path)
 
 
 def test_references_in_lzf_may_overlap_what_they_make() -> None:
@@ -114,7 +204,7 @@ def test_the_figures_of_a_box_are_printed_and_its_picture_is_drawn(
     assert 0.4 < box["min_edge_m"] < box["max_edge_m"] < 0.7
     assert set(result["overall"]) == set(box)
     with Image.open(tmp_path / "out" / "box.png.png") as picture:
-        assert picture.size == (640, 480)
+        assert picture.size == (3 * 640 + 8, 480)
 
 
 @pytest.mark.parametrize("text", ["1,2,3", "a,b,c,d", "1,2,3,-4"])
@@ -129,8 +219,8 @@ def test_the_floor_is_found_with_the_cameras_height_and_pitch() -> None:
     _, slopes = lens.ray_slopes()
     depth_m = height_m / np.maximum(slopes * math.cos(pitch) + math.sin(pitch), 1e-3)
     depth_m = np.where(depth_m < 6.0, depth_m, 0.0)[:, None].repeat(640, axis=1)
-    image = extraction.DepthImage(0.0, (depth_m * 1000).astype(np.uint16), 0.001)
-    mount = extraction.find_floor(image, lens)
+    image = DepthImage(0.0, (depth_m * 1000).astype(np.uint16), 0.001)
+    mount = find_floor(image, lens)
     assert mount is not None
     np.testing.assert_allclose(mount.matrix[2], [0, -math.cos(pitch), -math.sin(pitch), height_m], atol=0.02)
 
