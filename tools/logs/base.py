@@ -71,7 +71,5 @@ class LineSource:
     def _line(self, raw: bytes, number: int) -> Line:
         if len(raw) >= MAX_LINE_BYTES:
             raise LogError(f"{self.path}: line {number} is longer than {MAX_LINE_BYTES} bytes")
-        try:
-            return Line(number, raw.decode("ascii"), raw.endswith(b"\n"))
-        except UnicodeDecodeError as error:
-            raise LogError(f"{self.path}: line {number} is not text") from error
+        # Comments and host names are in whatever the writer's language was; readings are plain digits.
+        return Line(number, raw.decode("ascii", errors="replace"), raw.endswith(b"\n"))
