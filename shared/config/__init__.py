@@ -25,16 +25,21 @@ class ConfigError(Exception):
 
 def load(path: Path, kind: type[T]) -> T:
     """Read the TOML file at `path` into the dataclass `kind`."""
-    try:
-        table = tomllib.loads(path.read_text("utf-8"))
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: is not valid TOML: {error}") from error
+    table = read_table(path)
     try:
         return parse(table, kind)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from error
+
+
+def read_table(path: Path) -> dict[str, Any]:
+    """The TOML file at `path` as it is written."""
+    try:
+        return tomllib.loads(path.read_text("utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: is not valid TOML: {error}") from error
 
 
 def parse(table: dict[str, Any], kind: type[T], prefix: str = "") -> T:

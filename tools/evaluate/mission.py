@@ -1,4 +1,4 @@
-"""`evaluate mission`: the demo's mission in lock-step, no window."""
+"""`evaluate mission`: the demo's mission in lock-step, no window, for one seed or for several."""
 
 from __future__ import annotations
 
@@ -6,21 +6,44 @@ import argparse
 import json
 import logging
 import sys
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from robot_app.config import RobotConfig
 from robot_app.config import load_config as load_robot
-from shared.command_line import seed
+from shared.command_line import EXIT_FAILED, EXIT_OK, seed
 from shared.runtime.clock import stopwatch_s
+from station_gui.config import StationConfig
 from station_gui.config import load_config as load_station
+from tools.evaluate.seeds import Figures, header, over_seeds, row, seed_list
 from tools.evaluate.summary import summarise
 from tools.pictures import draw_map
 from tools.simulator.lockstep import MissionResult, run_mission
-from tools.simulator.scenario import find_scenario
+from tools.simulator.scenario import Scenario, SlipParameters, find_scenario
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    scenario: Scenario
+    robot: RobotConfig
+    station: StationConfig
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scenario", default="lab", help="a scenario's name or TOML file (default: lab)")
-    parser.add_argument("--seed", type=seed, default=1, help="of all noise (default: 1)")
+    seeds = parser.add_mutually_exclusive_group()
+    seeds.add_argument("--seed", type=seed, default=1, help="of all noise (default: 1)")
+    seeds.add_argument("--seeds", type=seed_list, metavar="LIST", help="a mission for each, as in 1-15 or 1,4,7-9")
+    parser.add_argument("--slip", type=_share, metavar="SHARE", help="encoder slip instead of the scenario's, as 0.05")
+    parser.add_argument(
+        "--gyro-bias",
+        type=_positive,
+        metavar="DPS",
+        help="standard deviation of the gyro's bias at switching on, instead of the scenario's",
+    )
+    parser.add_argument(
+        "--method", choices=("graph", "particle"), help="of SLAM, instead of what the station's file says"
+    )
     parser.add_argument("--robot", metavar="FILE", type=Path, help="robot.toml instead of the one that comes along")
     parser.add_argument("--station", metavar="FILE", type=Path, help="station.toml instead of the one that comes along")
     parser.add_argument("--out", metavar="DIR", type=Path, help="write map2d.png and mission.mcap here")
@@ -28,12 +51,48 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    scenario = find_scenario(args.scenario)
+    plan = _plan(args)
     logging.getLogger("station").setLevel(logging.WARNING)
-    began_s = stopwatch_s()
+    if args.seeds is not None:
+        return _run_seeds(plan, args)
+    figures = _run_one(plan, args.seed, args.out)
+    if args.json:
+        print(json.dumps(figures))
+    else:
+        for key, value in figures.items():
+            print(f"{key:24} {value}")
+    return EXIT_OK if figures["finished"] else EXIT_FAILED
 
-    if args.out is not None:
-        args.out.mkdir(parents=True, exist_ok=True)
+
+def _plan(args: argparse.Namespace) -> _Plan:
+    scenario, station = find_scenario(args.scenario), load_station(args.station)
+    if args.slip is not None:
+        scenario = replace(scenario, encoders=replace(scenario.encoders, slip=SlipParameters.of(args.slip)))
+    if args.gyro_bias is not None:
+        scenario = replace(scenario, imu=replace(scenario.imu, gyro_bias_dps=args.gyro_bias))
+    if args.method is not None:
+        station = replace(station, method=args.method)
+    return _Plan(scenario, load_robot(args.robot), station)
+
+
+def _run_seeds(plan: _Plan, args: argparse.Namespace) -> int:
+    runs: dict[int, Figures] = {}
+    print(header(), flush=True)
+    for number in args.seeds:
+        runs[number] = _run_one(plan, number, args.out / f"seed-{number}" if args.out is not None else None)
+        print(row(str(number), runs[number]), flush=True)
+    summary = over_seeds(runs)
+    for name in ("mean", "worst"):
+        print(row(name, summary[name]))
+    if args.json:
+        print(json.dumps({"scenario": plan.scenario.name} | summary))
+    return EXIT_OK if all(figures["finished"] for figures in runs.values()) else EXIT_FAILED
+
+
+def _run_one(plan: _Plan, number: int, out: Path | None) -> Figures:
+    began_s = stopwatch_s()
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
 
     def progress(simulated_s: float) -> None:
         if not sys.stderr.isatty():
@@ -42,25 +101,46 @@ def run(args: argparse.Namespace) -> int:
         print(f"\r{simulated_s:6.0f} s simulated, {pace:4.1f} x real time ", end="", file=sys.stderr, flush=True)
 
     result = run_mission(
-        scenario,
-        args.seed,
-        load_robot(args.robot),
-        load_station(args.station),
+        plan.scenario,
+        number,
+        plan.robot,
+        plan.station,
         say=lambda text: print(f"{_line_break()}{text}", file=sys.stderr),
         progress=progress,
-        recording=args.out / "mission.mcap" if args.out is not None else None,
+        recording=out / "mission.mcap" if out is not None else None,
     )
     print(_line_break(), end="", file=sys.stderr)
+    if out is not None:
+        _draw(result, out)
+    return _figures(plan.scenario, result)
+
+
+def _figures(scenario: Scenario, result: MissionResult) -> Figures:
     goal = scenario.goals[-1].position_m if scenario.goals else None
-    summary = summarise(result.truth, result.snapshot, result.figures, result.outcome, goal).as_json()
-    if args.out is not None:
-        _draw(result, args.out)
-    if args.json:
-        print(json.dumps(summary))
-    else:
-        for key, value in summary.items():
-            print(f"{key:24} {value}")
-    return 0 if result.outcome.failure == "" else 1
+    figures = summarise(result.truth, result.snapshot, result.figures, result.outcome, goal).as_json()
+    slip = result.slip
+    return figures | {
+        "encoder_slip_net": round(sum(slip.net) / 2, 4),
+        "encoder_slip_mean_abs": round(sum(slip.mean_abs) / 2, 4),
+        "gyro_bias_dps": round(result.gyro_bias_dps, 3),
+    }
+
+
+def _share(text: str) -> float:
+    value = _positive(text)
+    if value > 0.5:
+        raise argparse.ArgumentTypeError(f"{text!r} is no share from 0 to 0.5")
+    return value
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number") from error
+    if not 0 <= value < 1000:
+        raise argparse.ArgumentTypeError(f"{text!r} is not from 0 to 1000")
+    return value
 
 
 def _line_break() -> str:

@@ -32,6 +32,7 @@ from tools.simulator.gauges import SimulatedEncoders, SimulatedPowerMonitor, Sim
 from tools.simulator.imu import SimulatedImu
 from tools.simulator.lidar import RollingScanner
 from tools.simulator.mailbox import Mailbox
+from tools.simulator.slip import WheelSlip
 from tools.simulator.world import World
 
 _PUMP_PERIOD_S = 0.004
@@ -165,10 +166,14 @@ class SimulatedHardware:
 
     def __init__(self, world: World, waits: bool) -> None:
         self.world = world
-        scanner, imu, exposures = RollingScanner(world), SimulatedImu(world), ExposureClock(world)
-        for observer in (scanner, imu, exposures):
+        scanner, exposures = RollingScanner(world), ExposureClock(world)
+        self.imu = imu = SimulatedImu(world)
+        self.slip = WheelSlip(world)
+        for observer in (scanner, imu, exposures, self.slip):
             world.add_observer(observer)
-        encoders: _AskedDriver[EncoderCount] = _AskedDriver("encoders", world, SimulatedEncoders(world).sample, waits)
+        encoders: _AskedDriver[EncoderCount] = _AskedDriver(
+            "encoders", world, SimulatedEncoders(world, self.slip).sample, waits
+        )
         power: _AskedDriver[PowerSample] = _AskedDriver("power", world, SimulatedPowerMonitor(world).sample, waits)
         thermometer: _AskedDriver[TemperatureSample] = _AskedDriver(
             "thermometer", world, SimulatedThermometer(world).sample, waits

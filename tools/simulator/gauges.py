@@ -5,24 +5,26 @@ from __future__ import annotations
 import math
 
 from robot_app.drivers.base import EncoderCount, PowerSample, TemperatureSample
+from tools.simulator.slip import WheelSlip
 from tools.simulator.world import World
 
 
 class SimulatedEncoders:
-    """Ticks since its making; a wheel that is larger than its drawing turns less often."""
+    """Ticks since its making; a wheel that is larger than its drawing turns less often, one that slips more often."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, slip: WheelSlip) -> None:
         self._world = world
+        self._slip = slip
         p = world.scenario.encoders
         self._per_rad = p.ticks_per_turn / math.tau
         self._scale = 1 + p.left_scale_error, 1 + p.right_scale_error
         # The discs stand anywhere at the start: the first tick of one wheel comes before that of the other.
         left, right = world.random("encoders").random(2).tolist()
         self._phase = float(left), float(right)
-        self._zero_rad = world.wheel_angles_rad()
+        self._zero_rad = slip.angles_rad
 
     def sample(self) -> EncoderCount:
-        angles = self._world.wheel_angles_rad()
+        angles = self._slip.angles_rad
         left, right = (
             math.floor((angle - zero) * scale * self._per_rad + phase)
             for angle, zero, scale, phase in zip(angles, self._zero_rad, self._scale, self._phase, strict=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,6 +25,7 @@ from tools.director import Director, Outcome
 from tools.simulator.drivers import SimulatedHardware
 from tools.simulator.faults import with_faults
 from tools.simulator.scenario import Scenario
+from tools.simulator.slip import SlipFigures
 from tools.simulator.truth import RecordedTruth, read_truth, write_truth
 from tools.simulator.world import World
 
@@ -38,6 +40,8 @@ class MissionResult:
     snapshot: MapSnapshot | None
     figures: MissionFigures
     outcome: Outcome
+    slip: SlipFigures
+    gyro_bias_dps: float  # of the axis that points up, at the end
 
 
 class Lockstep:
@@ -48,7 +52,9 @@ class Lockstep:
     ) -> None:
         self.clock = ManualClock()
         self.world = World(scenario, seed)
-        hardware, self.faults = with_faults(SimulatedHardware(self.world, waits=False).hardware)
+        simulated = SimulatedHardware(self.world, waits=False)
+        self.slip, self.imu = simulated.slip, simulated.imu
+        hardware, self.faults = with_faults(simulated.hardware)
         self._link = _Switchboard()
         self.app = RobotApp(hardware, self._link, self.clock, robot, np.random.default_rng(seed), boot_id=1)
         self.station: Station = build_station(
@@ -170,4 +176,6 @@ def run_mission(
     if system.failures:
         raise RuntimeError(f"a task failed: {system.failures[0]}")
     outcome = director.outcome or Outcome(f"not finished after {_LONGEST_S:.0f} s", 0.0, system.clock.now_s())
-    return MissionResult(system.truth(), system.station.finish_mapping(), system.station.figures, outcome)
+    snapshot = system.station.finish_mapping()
+    bias_dps = math.degrees(float(system.imu.gyro_bias_radps[2]))
+    return MissionResult(system.truth(), snapshot, system.station.figures, outcome, system.slip.figures(), bias_dps)

@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from shared.config import ConfigError, load
+from shared.config import ConfigError, load, parse, read_table
 from shared.geometry.se2 import Pose2
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
@@ -135,10 +135,41 @@ class ImuParameters:
 
 
 @dataclass(frozen=True, slots=True)
+class SlipParameters:
+    """How far the rear wheels slip, as shares of the way that they roll; `tools/simulator/slip.py` tells the parts."""
+
+    steady: float = 0.0
+    wheels_differ: float = 0.0  # of the steady part, greatest
+    wander: float = 0.0  # standard deviation
+    wander_way_m: float = 0.5  # over which it changes
+    burst: float = 0.0  # mean; from half of it to one and a half
+    burst_s: float = 0.2  # mean, likewise
+    bursts_hz: float = 4.0  # of each wheel, while there is reason for one
+    burst_above_mps2: float = 0.1
+    burst_above_radps: float = 0.5  # of the steering
+
+    def __post_init__(self) -> None:
+        if min(self.steady, self.wheels_differ, self.wander, self.burst, self.bursts_hz) < 0:
+            raise ValueError("steady, wheels_differ, wander, burst and bursts_hz must not be negative")
+        if self.wander_way_m <= 0 or self.burst_s <= 0:
+            raise ValueError("wander_way_m and burst_s must be positive")
+
+    @property
+    def is_any(self) -> bool:
+        return max(self.steady, self.wander, self.burst) > 0
+
+    @staticmethod
+    def of(share: float) -> SlipParameters:
+        """A floor on which the wheels' counts are wrong by `share` in the long run, and by more from metre to metre."""
+        return SlipParameters(steady=share, wheels_differ=0.2, wander=share, burst=6 * share)
+
+
+@dataclass(frozen=True, slots=True)
 class EncoderParameters:
     ticks_per_turn: int = 80
     left_scale_error: float = 0.003  # a wheel a little larger than its drawing
     right_scale_error: float = -0.002
+    slip: SlipParameters = field(default_factory=SlipParameters)
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,10 +278,33 @@ def find_scenario(name_or_path: str) -> Scenario:
     """The scenario of this name, or in this file; a wrong one is a `ConfigError` that lists the known ones."""
     known = SCENARIO_FOLDER / f"{name_or_path}.toml"
     if name_or_path in scenario_names():
-        return load(known, Scenario)
+        return _load(known)
     path = Path(name_or_path)
     if path.suffix == ".toml" and path.is_file():
-        return load(path, Scenario)
+        return _load(path)
     raise ConfigError(
         f"no scenario {name_or_path!r}; known are {', '.join(scenario_names())}, or the path of a TOML file"
     )
+
+
+def _load(path: Path) -> Scenario:
+    """A file may name another scenario as its `base` and then say only what differs from it."""
+    table = read_table(path)
+    base = table.pop("base", None)
+    if base is None:
+        return load(path, Scenario)
+    if base not in scenario_names():
+        raise ConfigError(f"{path}: base must be one of {', '.join(scenario_names())}, not {base!r}")
+    try:
+        return parse(_merged(read_table(SCENARIO_FOLDER / f"{base}.toml"), table), Scenario)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from error
+
+
+def _merged(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    """Tables are merged, everything else is taken from `changes`."""
+    merged = dict(base)
+    for key, value in changes.items():
+        below = merged.get(key)
+        merged[key] = _merged(below, value) if isinstance(value, dict) and isinstance(below, dict) else value
+    return merged

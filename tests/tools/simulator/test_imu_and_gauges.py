@@ -10,6 +10,7 @@ from robot_app.drivers.base import DriveSetting, ImuSample
 from tools.simulator.gauges import SimulatedEncoders, SimulatedPowerMonitor, SimulatedThermometer
 from tools.simulator.imu import SimulatedImu
 from tools.simulator.scenario import Scenario, Start
+from tools.simulator.slip import WheelSlip
 from tools.simulator.world import World
 
 MakeRoom = Callable[..., Scenario]
@@ -64,7 +65,7 @@ def test_the_gyro_integrates_to_the_true_heading(room: MakeRoom) -> None:
 
 def test_ticks_agree_with_the_driven_distance(room: MakeRoom, quiet: Quiet) -> None:
     world = World(quiet(room(start=Start((0.6, 2.0)))), seed=1)
-    encoders = SimulatedEncoders(world)
+    encoders = SimulatedEncoders(world, WheelSlip(world))
     assert (encoders.sample().left, encoders.sample().right) == (0, 0)
     world.set_drive(DriveSetting(0.8, 0.0))
     world.advance_to(4.0)
@@ -77,7 +78,7 @@ def test_ticks_agree_with_the_driven_distance(room: MakeRoom, quiet: Quiet) -> N
 
 def test_ticks_count_down_in_reverse_and_a_left_turn_turns_the_right_wheel_further(room: MakeRoom) -> None:
     world = World(room(start=Start((2.0, 2.0))), seed=1)
-    encoders = SimulatedEncoders(world)
+    encoders = SimulatedEncoders(world, WheelSlip(world))
     world.set_drive(DriveSetting(-0.5, 0.4))
     world.advance_to(2.0)
     count = encoders.sample()
@@ -86,7 +87,7 @@ def test_ticks_count_down_in_reverse_and_a_left_turn_turns_the_right_wheel_furth
 
 def test_wheels_of_another_size_miscount(room: MakeRoom) -> None:
     world = World(room(start=Start((0.6, 2.0))), seed=1)
-    encoders = SimulatedEncoders(world)
+    encoders = SimulatedEncoders(world, WheelSlip(world))
     world.set_drive(DriveSetting(1.0, 0.0))
     world.advance_to(5.0)
     left, right = world.wheel_angles_rad()

@@ -115,3 +115,29 @@ def test_a_table_stands_on_four_legs_and_a_chair_has_a_back() -> None:
 def test_a_plan_has_the_rooms_proportions() -> None:
     image = plan_view(find_scenario("lab"), np.array([(1.0, 1.0), (2.0, 1.0)]), pixels_per_m=50)
     assert image.size == (round(4.35 * 150) // 3, round(4.6 * 150) // 3)
+
+
+def test_a_file_may_say_only_how_it_differs_from_another_scenario(tmp_path: Path) -> None:
+    lab, slippery = find_scenario("lab"), find_scenario("lab-slip")
+    assert slippery.items == lab.items
+    assert slippery.encoders.slip.steady == 0.05
+    assert slippery.encoders.left_scale_error == lab.encoders.left_scale_error
+    path = tmp_path / "mine.toml"
+    path.write_text('base = "lab"\nname = "mine"\n[room]\nwall_height_m = 1.2\n')
+    mine = find_scenario(str(path))
+    assert (mine.name, mine.room.wall_height_m, mine.room.length_x_m) == ("mine", 1.2, lab.room.length_x_m)
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ('base = "lap"\n', "base must be one of .*, not 'lap'"),
+        ('base = "lab"\n[room]\nhight = 2\n', r"mine.toml: unknown key room.hight"),
+        ('base = "lab"\n[encoders.slip]\nwander = -0.1\n', r"mine.toml: encoders.slip: .* must not be negative"),
+    ],
+)
+def test_a_wrong_difference_is_named(tmp_path: Path, text: str, named: str) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=named):
+        find_scenario(str(path))
