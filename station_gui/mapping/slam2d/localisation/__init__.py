@@ -1,0 +1,1 @@
+"""Where the robot is in a map that is there already."""

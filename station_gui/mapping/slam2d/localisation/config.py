@@ -1,0 +1,77 @@
+"""Parameters of finding the robot in a map: one set for every map.
+
+Where no source is named a value was found on the simulated lab, on rooms that are not the lab, and on Intel and FR079.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from station_gui.mapping.slam2d.config import GraphSlamConfig
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceConfig:
+    """The map as it is searched."""
+
+    cell_m: float = 0.05  # doubled until the map has no more than
+    max_cells: int = 25_000_000
+    search_cells: int = 400_000  # the same for the likelihood that is searched
+    reach_m: float = 0.4  # a scan may be this far off and still find its surfel
+    max_surfels: int = 2_000_000
+    scans_per_step: int = 24
+    margin_m: float = 1.0  # round the map
+    free_below: float = 0.35  # probability of a cell that is known to be free
+    stand_off_m: float = 0.2  # a scanner stands no farther than this from a place that is known to be free
+    depth: int = 5  # of the pyramid
+
+
+@dataclass(frozen=True, slots=True)
+class SearchConfig:
+    """Branch and bound over the whole map."""
+
+    points: int = 180
+    spacing_m: float = 0.1  # of the points, so that what is near does not count more
+    min_points: int = 30
+    min_score: float = 0.45  # mean likelihood
+    behind_best: float = 0.3  # what is farther below the best place is none
+    keep_level: int = 3  # one place per square of 2**3 cells and turn
+    sums_per_step: int = 40_000
+    max_found: int = 4096
+    apart_m: float = 0.25  # places nearer to a better one, and turned less, are the same
+    apart_rad: float = math.radians(10.0)
+    max_places: int = 64
+
+
+@dataclass(frozen=True, slots=True)
+class VerifyConfig:
+    """When a place is believed."""
+
+    points: int = 700
+    spacing_m: float = 0.04
+    inlier_m: float = 0.06
+    margin_m: float = 0.2
+    min_cosine: float = 0.4
+    free_below: float = 0.35
+    min_good_share: float = 0.9  # of the beams that the map can judge
+    min_support: float = 0.55  # good less bad ones, of all beams
+    uniqueness: float = 0.15  # by which the support of the second place must be less
+    keep_support: float = 0.3  # what is below is no hypothesis
+    keep_good_share: float = 0.7
+    min_points: int = 60
+    scan_share: float = 0.75  # of the newest scan's points that fit, each time
+    confirmations: int = 3  # scans in a row that say the same
+    places_per_step: int = 16
+
+
+@dataclass(frozen=True, slots=True)
+class LocalisationConfig:
+    reference: ReferenceConfig = field(default_factory=ReferenceConfig)
+    search: SearchConfig = field(default_factory=SearchConfig)
+    verify: VerifyConfig = field(default_factory=VerifyConfig)
+    trail: GraphSlamConfig = field(default_factory=GraphSlamConfig)  # follows the robot while it is lost
+    trail_m: float = 4.0  # how much of the way so far is looked for
+    trail_scans: int = 40
+    search_again_m: float = 0.4  # driven, after a search that has found nothing to believe
+    lost_scans: int = 8  # in a row that do not fit: the robot is lost

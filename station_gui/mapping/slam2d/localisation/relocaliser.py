@@ -1,0 +1,148 @@
+"""Global relocalisation: where in a known map is a robot that was put down anywhere?
+
+A SLAM of its own, the trail, follows the robot meanwhile. What it has seen lately is looked for in the whole map by
+branch and bound; every place that may be is refined, judged beam by beam, and kept as a hypothesis while the robot
+drives on. One is believed when it explains what was seen, no other does nearly as well, and the next scans agree.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.geometry.se2 import Pose2
+from station_gui.mapping.scan import PointScan
+from station_gui.mapping.slam2d.graph_slam import GraphSlam
+from station_gui.mapping.slam2d.localisation.config import LocalisationConfig
+from station_gui.mapping.slam2d.localisation.query import Query, gather, recent
+from station_gui.mapping.slam2d.localisation.reference import Reference
+from station_gui.mapping.slam2d.localisation.search.places import PlaceSearch, distinct
+from station_gui.mapping.slam2d.localisation.verify.verifier import Hypothesis, verify
+from station_gui.mapping.slam2d.matching.scan_matcher import to_lines
+from station_gui.mapping.slam2d.se2_arrays import compose
+
+FloatArray = NDArray[np.float64]
+
+
+class Relocaliser:
+    """One thread; a bounded share of the work with every scan."""
+
+    def __init__(self, config: LocalisationConfig, reference: Reference) -> None:
+        self._config = config
+        self._reference = reference
+        self._begin_trail()
+
+    def _begin_trail(self) -> None:
+        self._trail = GraphSlam(self._config.trail)
+        self._query: Query | None = None
+        self._query_scans = 0  # keyframes of the trail when the query was gathered
+        self._search: PlaceSearch | None = None
+        self._searched_m: float | None = None  # the way driven when the last search began
+        self._waiting: deque[FloatArray] = deque()
+        self._judged: list[Hypothesis] = []
+        self.hypotheses: list[Hypothesis] = []  # the best first
+        self._searches = 0
+        self._agreed = 0
+
+    @property
+    def searches(self) -> int:
+        """How many searches of the whole map have ended."""
+        return self._searches
+
+    def add(self, scan: PointScan) -> Pose2 | None:
+        """The robot in the map at this scan, once there is no doubt."""
+        trail_from_robot = self._trail.add(scan)
+        if self._trail.lost_scans > self._config.lost_scans:
+            self._begin_trail()  # carried off again
+            trail_from_robot = self._trail.add(scan)
+        if not self._reference.step():
+            return None
+        if self._waiting:
+            self._judge()
+        elif len(self._trail.keyframes) > self._query_scans:
+            self._renew_query()
+        if self._search is not None:
+            self._go_on_searching()
+        elif self._query is not None and not self._waiting and self._wants_search():
+            self._searched_m = self._way_m()
+            self._search = PlaceSearch(self._config.search, self._reference, self._query)
+        return self._decide(scan, trail_from_robot)
+
+    def _renew_query(self) -> None:
+        """With what has come since; the hypotheses have to hold for it too."""
+        verify_config = self._config.verify
+        trajectory = self._trail.trajectory()
+        first = recent(trajectory, self._config.trail_m, self._config.trail_scans)
+        keyframes = self._trail.keyframes[first:]
+        self._query = gather(keyframes, trajectory[first:, 1:], verify_config.spacing_m, verify_config.points)
+        self._query_scans = len(trajectory)
+        self._waiting.extend(hypothesis.map_from_trail for hypothesis in self.hypotheses)
+        if not self._waiting:
+            self._agreed = 0
+
+    def _go_on_searching(self) -> None:
+        search = self._search
+        if search is None or not search.step():
+            return
+        self._search = None
+        self._searches += 1
+        known = [hypothesis.map_from_trail for hypothesis in self.hypotheses]
+        self._waiting.extend([*known, *search.places()])
+
+    def _judge(self) -> None:
+        config, query = self._config.verify, self._query
+        if query is None:
+            return
+        for _ in range(min(config.places_per_step, len(self._waiting))):
+            self._judged.append(verify(config, self._reference, query, self._waiting.popleft()))
+        if not self._waiting:
+            self._keep_possible()
+            self._judged = []
+
+    def _keep_possible(self) -> None:
+        config = self._config.verify
+        possible = [
+            h for h in self._judged if h.support >= config.keep_support and h.good_share >= config.keep_good_share
+        ]
+        possible.sort(key=lambda h: -h.support)
+        robots = np.array([compose(h.map_from_trail, self._robot_in_trail()) for h in possible]).reshape(-1, 3)
+        self.hypotheses = [possible[k] for k in distinct(robots, self._config.search)]
+        if not self.hypotheses:
+            self._agreed = 0
+
+    def _robot_in_trail(self) -> FloatArray:
+        return np.asarray(self._trail.trajectory()[-1, 1:])
+
+    def _wants_search(self) -> bool:
+        """At first, and while nothing found can be believed, now and then."""
+        if self._searched_m is None:
+            return True
+        driven_m = self._way_m() - self._searched_m
+        return driven_m >= self._config.search_again_m and not self._is_sure()
+
+    def _way_m(self) -> float:
+        return float(np.hypot(*np.diff(self._trail.trajectory()[:, 1:3], axis=0).T).sum())
+
+    def _is_sure(self) -> bool:
+        config = self._config.verify
+        if not self.hypotheses:
+            return False
+        best = self.hypotheses[0]
+        second = self.hypotheses[1].support if len(self.hypotheses) > 1 else 0.0
+        return (
+            best.beams >= config.min_points
+            and best.good_share >= config.min_good_share
+            and best.support >= config.min_support
+            and best.support - second >= config.uniqueness
+        )
+
+    def _decide(self, scan: PointScan, trail_from_robot: Pose2) -> Pose2 | None:
+        if self._waiting or self._search is not None or not self._is_sure():
+            return None
+        pose = compose(self.hypotheses[0].map_from_trail, trail_from_robot.as_array())
+        lines = to_lines(scan.points_m, scan.origin_m, self._config.trail.normals)
+        match = self._reference.matcher.refine(lines, self._reference.local_map, pose)
+        self._agreed = self._agreed + 1 if match.share >= self._config.verify.scan_share else 0
+        return Pose2.from_array(pose) if self._agreed >= self._config.verify.confirmations else None

@@ -1,0 +1,1 @@
+"""Every place of a map where a scan may have been made."""

@@ -1,0 +1,72 @@
+"""All places of a map where a query may lie, a bounded share of the work at a time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station_gui.mapping.slam2d.localisation.config import SearchConfig
+from station_gui.mapping.slam2d.localisation.query import Query, thinned
+from station_gui.mapping.slam2d.localisation.reference import Reference
+from station_gui.mapping.slam2d.localisation.search import _kernels
+from station_gui.mapping.slam2d.se2_arrays import between, compose
+
+FloatArray = NDArray[np.float64]
+
+
+class PlaceSearch:
+    """One search for one query. Places are poses of the trail in the map, (3,)."""
+
+    def __init__(self, config: SearchConfig, reference: Reference, query: Query) -> None:
+        self._config = config
+        self._reference = reference
+        self._at = query.at
+        kept = thinned(query.points_m, config.spacing_m, config.points)
+        c, s = math.cos(query.at[2]), math.sin(query.at[2])
+        self._points = np.ascontiguousarray((query.points_m[kept] - query.at[:2]) @ np.array([[c, -s], [s, c]]))
+        cell_m = reference.pyramid.cell_m
+        farthest_m = max(float(np.hypot(*self._points.T).max(initial=0.0)), 4 * cell_m)
+        self._turns = math.ceil(math.tau * farthest_m / cell_m)
+        self._turn = 0 if len(self._points) >= config.min_points else self._turns
+        self._columns, self._rows = (np.zeros(len(self._points), np.int32) for _ in range(2))
+        self._found = np.zeros((config.max_found, 4), np.int64)
+        self._state = np.zeros(3, np.int64)
+
+    def step(self) -> bool:
+        """True once every place has been looked at."""
+        config, pyramid = self._config, self._reference.pyramid
+        if self._turn < self._turns:
+            full = 255 * len(self._points)
+            self._turn = _kernels.search_turns(
+                self._points, pyramid.levels, self._reference.free, self._turn, self._turns, pyramid.cell_m,
+                config.keep_level, math.ceil(config.min_score * full), round(config.behind_best * full),
+                config.sums_per_step, self._columns, self._rows, self._found, self._state,
+            )  # fmt: skip
+        return self._turn >= self._turns
+
+    def places(self) -> list[FloatArray]:
+        """The best first, none next to a better one."""
+        config, pyramid = self._config, self._reference.pyramid
+        found = self._found[: self._state[0]]
+        found = found[found[:, 3] >= self._state[1] - config.behind_best * 255 * len(self._points)]
+        found = found[np.argsort(-found[:, 3], kind="stable")]
+        x = pyramid.origin_m[0] + (found[:, 1] + 0.5) * pyramid.cell_m
+        y = pyramid.origin_m[1] + (found[:, 2] + 0.5) * pyramid.cell_m
+        scanners = np.column_stack((x, y, math.tau * found[:, 0] / self._turns))
+        trail_from_scanner = between(self._at, np.zeros(3))
+        return [compose(scanners[k], trail_from_scanner) for k in distinct(scanners, config)]
+
+
+def distinct(poses: FloatArray, config: SearchConfig) -> list[int]:
+    """Indices into `poses`, (N, 3) best first, of those that are not next to a better one, up to the limit."""
+    kept: list[int] = []
+    left = np.arange(len(poses))
+    while len(left) and len(kept) < config.max_places:
+        best = int(left[0])
+        kept.append(best)
+        away = poses[left] - poses[best]
+        turned = np.abs(np.remainder(away[:, 2] + math.pi, math.tau) - math.pi)
+        left = left[(np.hypot(away[:, 0], away[:, 1]) > config.apart_m) | (turned > config.apart_rad)]
+    return kept

@@ -1,0 +1,1 @@
+"""How well a place agrees with a map, beam by beam."""
