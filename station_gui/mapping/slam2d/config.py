@@ -114,6 +114,7 @@ class PoseGraphConfig:
     found_turn_sigma_rad: float = math.radians(1.0)
     switch_chi2: float = 12.0  # a closure whose error is above this loses weight (dynamic covariance scaling)
     iterations: int = 12
+    blocks_per_step: int = 12_000  # products of 3 × 3 blocks, or as much work: about 0.2 ms
     optimise_chi2: float = 4.0  # a closure that the graph agrees with better is not worth an optimisation now
     optimise_nodes: int = 8  # small corrections wait until this many nodes have come
     moved_m: float = 0.005  # poses that move less are not a new revision

@@ -1,4 +1,8 @@
-"""Kernels of the pose graph: plain arrays and scalars."""
+"""Kernels of the pose graph: plain arrays and scalars.
+
+Those with a `state` and a `budget` go on from `state[0]`, do about as much work as `budget` products of two 3 × 3
+blocks are, and return what they took.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int32]
+State = NDArray[np.int64]
 
 
 @njit(nogil=True, cache=True)
@@ -45,6 +50,43 @@ def all_chi2(
 
 
 @njit(nogil=True, cache=True)
+def copy_poses(poses: FloatArray, trial: FloatArray, nodes: int, state: State, budget: int) -> int:
+    last = min(nodes, state[0] + 8 * budget)
+    done = last - state[0]
+    for k in range(state[0], last):
+        for m in range(3):
+            trial[k, m] = poses[k, m]
+    state[0] = last
+    return int(done // 8 + 1)
+
+
+@njit(nogil=True, cache=True)
+def worst_chi2(
+    poses: FloatArray,
+    ends: IndexArray,
+    measured: FloatArray,
+    information: FloatArray,
+    robust: NDArray[np.bool_],
+    edges: int,
+    worst: FloatArray,
+    state: State,
+    budget: int,
+) -> int:
+    """`worst[0]` becomes the largest squared error of the robust edges from `state[0]` on."""
+    error = np.zeros(3)
+    work = 0
+    while state[0] < edges and work < budget:
+        e = state[0]
+        if robust[e]:
+            edge_error(poses, ends[e, 0], ends[e, 1], measured[e], error)
+            worst[0] = max(worst[0], chi2_of(error, information[e]))
+            work += 2
+        state[0] += 1
+        work += e & 1
+    return work + 1
+
+
+@njit(nogil=True, cache=True)
 def assemble(
     poses: FloatArray,
     ends: IndexArray,
@@ -52,33 +94,34 @@ def assemble(
     information: FloatArray,
     robust: NDArray[np.bool_],
     switch_chi2: float,
-    rows: IndexArray,
-    columns: IndexArray,
-    values: FloatArray,
-    gradient: FloatArray,
-) -> float:
-    """Gauss–Newton system of all edges in triplets, 36 per edge, node 0 left out (row -1 means unused).
+    edges: int,
+    position: IndexArray,
+    slots: IndexArray,
+    diagonal: FloatArray,
+    below: FloatArray,
+    right: FloatArray,
+    state: State,
+    budget: int,
+) -> int:
+    """Add the edges from `state[0]` on to the Gauss–Newton system, node 0 left out.
 
-    A robust edge is scaled by s = min(1, 2 phi / (phi + chi2)), dynamic covariance scaling (Agarwal et al. 2013,
-    eq. 15). Returns the sum of the scaled errors.
+    `diagonal`, `below` and `right` (minus the gradient) as in `BlockCholesky`; of the edge's own block the lower one
+    by `position` is kept. A robust edge is scaled by s = min(1, 2 phi / (phi + chi2)), dynamic covariance scaling
+    (Agarwal et al. 2013, eq. 15).
     """
     error = np.zeros(3)
     jacobian = np.zeros((3, 6))
     weighted = np.zeros((3, 6))
-    for k in range(gradient.shape[0]):
-        gradient[k] = 0.0
-    total = 0.0
-    slot = 0
-    for e in range(ends.shape[0]):
+    work = 0
+    while state[0] < edges and work < budget:
+        e = state[0]
         i = ends[e, 0]
         j = ends[e, 1]
         edge_error(poses, i, j, measured[e], error)
-        chi2 = chi2_of(error, information[e])
         scale = 1.0
         if robust[e]:
-            scale = min(1.0, 2.0 * switch_chi2 / (switch_chi2 + chi2))
+            scale = min(1.0, 2.0 * switch_chi2 / (switch_chi2 + chi2_of(error, information[e])))
             scale *= scale
-        total += scale * chi2
         _jacobian(poses, i, j, jacobian)
         for a in range(3):
             for b in range(6):
@@ -86,26 +129,75 @@ def assemble(
                 for k in range(3):
                     value += information[e, a, k] * jacobian[k, b]
                 weighted[a, b] = scale * value
-        for a in range(6):
-            row = 3 * (i - 1) + a if a < 3 else 3 * (j - 1) + a - 3
-            if row >= 0:
-                for k in range(3):
-                    gradient[row] += weighted[k, a] * error[k]
-            for b in range(6):
-                column = 3 * (i - 1) + b if b < 3 else 3 * (j - 1) + b - 3
-                if row < 0 or column < 0:
-                    rows[slot] = 0
-                    columns[slot] = 0
-                    values[slot] = 0.0
-                else:
+        if i > 0:
+            _add_end(position[i - 1], 0, jacobian, weighted, error, diagonal, right)
+        if j > 0:
+            _add_end(position[j - 1], 3, jacobian, weighted, error, diagonal, right)
+        if slots[e] >= 0:
+            i_is_row = position[i - 1] > position[j - 1]
+            for a in range(3):
+                for b in range(3):
                     value = 0.0
                     for k in range(3):
-                        value += jacobian[k, a] * weighted[k, b]
-                    rows[slot] = row
-                    columns[slot] = column
-                    values[slot] = value
-                slot += 1
-    return total
+                        value += jacobian[k, a] * weighted[k, 3 + b]
+                    below[slots[e], 3 * a + b if i_is_row else 3 * b + a] += value
+        state[0] += 1
+        work += 16
+    return work
+
+
+@njit(nogil=True, cache=True)
+def _add_end(
+    at: int,
+    first: int,
+    jacobian: FloatArray,
+    weighted: FloatArray,
+    error: FloatArray,
+    diagonal: FloatArray,
+    right: FloatArray,
+) -> None:
+    for a in range(3):
+        for k in range(3):
+            right[at, a] -= weighted[k, first + a] * error[k]
+        for b in range(3):
+            value = 0.0
+            for k in range(3):
+                value += jacobian[k, first + a] * weighted[k, first + b]
+            diagonal[at, 3 * a + b] += value
+
+
+@njit(nogil=True, cache=True)
+def move_poses(
+    trial: FloatArray,
+    position: IndexArray,
+    change: FloatArray,
+    nodes: int,
+    largest: FloatArray,
+    state: State,
+    budget: int,
+) -> int:
+    """`trial` moves by the solution; `largest[0]` becomes the largest change of a coordinate. Node 0 stays."""
+    last = min(nodes - 1, state[0] + 2 * budget)
+    done = last - state[0]
+    for k in range(state[0], last):
+        for m in range(3):
+            trial[k + 1, m] += change[position[k], m]
+            largest[0] = max(largest[0], abs(change[position[k], m]))
+    state[0] = last
+    return int(done // 2 + 1)
+
+
+@njit(nogil=True, cache=True)
+def farthest_move(
+    poses: FloatArray, trial: FloatArray, nodes: int, farthest: FloatArray, state: State, budget: int
+) -> int:
+    """`farthest[0]` becomes the greatest distance of a node's two places."""
+    last = min(nodes, state[0] + 2 * budget)
+    done = last - state[0]
+    for k in range(state[0], last):
+        farthest[0] = max(farthest[0], math.hypot(trial[k, 0] - poses[k, 0], trial[k, 1] - poses[k, 1]))
+    state[0] = last
+    return int(done // 2 + 1)
 
 
 @njit(nogil=True, cache=True)

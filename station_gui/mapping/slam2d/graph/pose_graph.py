@@ -6,12 +6,13 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
-from scipy.sparse.linalg import splu
 
 from station_gui.mapping.slam2d.config import PoseGraphConfig
 from station_gui.mapping.slam2d.graph import _kernels
+from station_gui.mapping.slam2d.graph.optimiser import Edges, Optimiser
+from station_gui.mapping.slam2d.graph.solver.share import Task
 from station_gui.mapping.slam2d.se2_arrays import between, compose
 
 _FIRST_ROOM = 256
@@ -29,10 +30,11 @@ class PoseGraph:
         self._information: NDArray[np.float64] = np.zeros((_FIRST_ROOM, 3, 3))
         self._robust: NDArray[np.bool_] = np.zeros(_FIRST_ROOM, np.bool_)
         self._length_m: NDArray[np.float64] = np.zeros(_FIRST_ROOM)
-        self._trial: NDArray[np.float64] | None = None
-        self._switch_chi2 = config.switch_chi2
+        self._trial = np.zeros((_FIRST_ROOM, 3))  # where an optimisation has come to
+        self._trial_nodes = 0
         self._optimised_edges = 0
-        self._steps_left = 0
+        self._optimiser = Optimiser(config)
+        self._task: Task | None = None
         self.nodes = 0
         self.edges = 0
 
@@ -105,63 +107,57 @@ class PoseGraph:
 
     @property
     def optimising(self) -> bool:
-        return self._trial is not None
+        return self._task is not None
+
+    @property
+    def moved_m(self) -> float:
+        """The farthest that a node went in the last optimisation."""
+        return self._optimiser.moved_m
 
     def begin_optimisation(self) -> None:
-        """Start from where the nodes are; `step` does the work, one linear system at a time.
-
-        At first every closure that is new pulls with its full weight, however far off it is; then those whose
-        error stays above what the graph can explain let go (graduated non-convexity, Yang et al. 2020).
-        """
-        new = self.robust & (np.arange(self.edges) >= self._optimised_edges)
-        self._switch_chi2 = max(self._config.switch_chi2, float(self.chi2()[new].max(initial=0.0)))
-        self._trial = self.poses.copy()
+        """Start from where the nodes are; `step` does the work."""
+        if self.nodes < 2 or self.edges == 0:
+            return
+        edges = Edges(self.edges, self._ends, self._measured, self._information, self._robust)
+        self._trial_nodes = self.nodes
+        if len(self._trial) < len(self._poses):
+            self._trial = np.zeros_like(self._poses)
+        trial = self._trial[: self.nodes]
+        self._task = self._optimiser.run(edges, self._optimised_edges, self.poses, trial)
         self._optimised_edges = self.edges
-        self._steps_left = self._config.iterations
 
-    def step(self) -> bool:
-        """One Gauss–Newton step; True when it was the last and the nodes have moved to their new poses."""
-        trial = self._trial
-        if trial is None:
+    def step(self, units: int | None = None) -> bool:
+        """A share of the work; True when it was the last and the nodes have moved to their new poses.
+
+        `units`: about so many products of two 3 × 3 blocks, by default as many as the configuration says.
+        """
+        if self._task is None:
             return False
-        change = self._gauss_newton(trial)
-        self._steps_left -= 1
-        settled = self._switch_chi2 <= self._config.switch_chi2 and change < 1e-4
-        self._switch_chi2 = max(self._config.switch_chi2, 0.2 * self._switch_chi2)
-        if not settled and self._steps_left > 0:
+        if not self._optimiser.share.run(self._task, units or self._config.blocks_per_step):
             return False
-        self._adopt(trial)
-        self._trial = None
+        self._task = None
+        if not self._optimiser.failed:
+            self._adopt()
         return True
 
     def optimise(self) -> None:
-        """All steps at once."""
-        if self.nodes > 1 and self.edges > 0:
-            self.begin_optimisation()
-            while not self.step():
-                pass
+        """All at once; what was begun is ended first."""
+        self._finish_task()
+        self.begin_optimisation()
+        self._finish_task()
 
-    def _gauss_newton(self, trial: NDArray[np.float64]) -> float:
-        """Moves `trial`; returns the largest change of a coordinate."""
-        edges, size = self._optimised_edges, 3 * (len(trial) - 1)
-        rows, columns = np.zeros(36 * edges, np.int32), np.zeros(36 * edges, np.int32)
-        values, gradient = np.zeros(36 * edges), np.zeros(size)
-        _kernels.assemble(
-            trial, self._ends[:edges], self._measured[:edges], self._information[:edges], self._robust[:edges],
-            self._switch_chi2, rows, columns, values, gradient,
-        )  # fmt: skip
-        system = csc_array((values, (rows, columns)), shape=(size, size))
-        change = splu(system, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(-gradient)
-        trial[1:] += change.reshape(-1, 3)
-        return float(np.abs(change).max())
+    def _finish_task(self) -> None:
+        while self._task is not None:
+            self.step()
 
-    def _adopt(self, trial: NDArray[np.float64]) -> None:
+    def _adopt(self) -> None:
         """Nodes that came meanwhile follow the last one that took part."""
-        last = len(trial) - 1
-        before = self._poses[last].copy()
-        for k in range(len(trial), self.nodes):
-            self._poses[k] = compose(trial[last], between(before, self._poses[k]))
-        self._poses[: len(trial)] = trial
+        last = self._trial_nodes - 1
+        if len(self._trial) < self.nodes:
+            self._trial = _doubled(self._trial)
+        for k in range(self._trial_nodes, self.nodes):
+            self._trial[k] = compose(self._trial[last], between(self._poses[last], self._poses[k]))
+        self._poses, self._trial = self._trial, self._poses
 
     def chi2(self) -> NDArray[np.float64]:
         """(edges,): squared error of every edge by its information."""

@@ -64,9 +64,8 @@ class GraphUpkeep:
         """All that waits, and one more optimisation; True when the nodes have moved."""
         while self._jobs or self._closer.busy:
             self._search()
-        before = self._graph.poses.copy()
         self._graph.optimise()
-        return self._note_moves(before)
+        return self._note_moves()
 
     def _search(self) -> None:
         if not self._closer.busy:
@@ -121,8 +120,7 @@ class GraphUpkeep:
         """Small corrections are gathered over a few nodes, a loop that was far open is closed at once."""
         graph = self._graph
         if graph.optimising:
-            before = graph.poses.copy()
-            return graph.step() and self._note_moves(before)
+            return graph.step() and self._note_moves()
         due = graph.nodes - self._optimised_nodes >= self._config.optimise_nodes
         if self._urgent or (self._bent and due):
             self._urgent = self._bent = False
@@ -130,9 +128,8 @@ class GraphUpkeep:
             graph.begin_optimisation()
         return False
 
-    def _note_moves(self, before: NDArray[np.float64]) -> bool:
-        moved_m = np.hypot(*(self._graph.poses - before)[:, :2].T)
-        if float(moved_m.max()) <= self._config.moved_m:
+    def _note_moves(self) -> bool:
+        if self._graph.moved_m <= self._config.moved_m:
             return False
         self._closer.forget_places()
         return True

@@ -107,12 +107,12 @@ def test_nodes_that_come_during_an_optimisation_follow_the_last_one_in_it() -> N
     graph, truth, _ = _noisy_circle(np.random.default_rng(4))
     graph.add_edge(39, 0, between(truth[39], truth[0]), _INFORMATION, 0.6, robust=True)
     graph.begin_optimisation()
-    graph.step()
+    assert not graph.step(units=100)
     step = np.array([0.3, 0.1, 0.2])
     graph.add_node(compose(graph.poses[39], step))
     graph.add_edge(39, 40, step, _INFORMATION, 0.3, robust=False)
-    while not graph.step():
-        pass
+    while graph.optimising:
+        graph.step(units=100)
     np.testing.assert_allclose(between(graph.poses[39], graph.poses[40]), step, atol=1e-12)
 
 
