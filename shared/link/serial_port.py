@@ -1,0 +1,97 @@
+"""A serial port of the operating system."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import select
+
+import serial
+
+from shared.link.base import LinkError
+from shared.link.byte_port import PortStatistics
+
+_READ_BYTES = 4_096
+_WRITE_TIMEOUT_S = 1.0  # 64 bytes at 9600 baud take 67 ms; a port that takes longer than this hangs
+
+
+class SerialPort:
+    """8 data bits, no parity, one stop bit, no flow control; nobody else may open it meanwhile."""
+
+    def __init__(self, name: str, baud_rate: int) -> None:
+        self.name = name
+        self.statistics = PortStatistics()
+        try:
+            self._serial: serial.Serial | None = serial.Serial(
+                name, baud_rate, timeout=0, write_timeout=_WRITE_TIMEOUT_S, exclusive=True
+            )
+        except (OSError, ValueError) as error:
+            raise LinkError(f"{name}: {_reason(error)}") from error
+        # Adapters keep bytes back for up to 16 ms otherwise; ports without the setting answer with any of these.
+        with contextlib.suppress(OSError, ValueError, AttributeError, NotImplementedError):
+            self._serial.set_low_latency_mode(True)
+
+    def write(self, data: bytes) -> None:
+        port = self._open_port()
+        try:
+            port.write(data)
+        except serial.SerialTimeoutException as error:
+            raise LinkError(
+                f"{self.name}: takes no bytes. Is the adapter stuck? Unplug it and plug it in again"
+            ) from error
+        except (OSError, TypeError) as error:  # TypeError: closed by another thread meanwhile
+            raise self._lost(error) from error
+        self.statistics.written_bytes += len(data)
+
+    def read(self, timeout_s: float) -> bytes:
+        port = self._open_port()
+        try:
+            if not select.select([port], [], [], max(0.0, timeout_s))[0]:
+                return b""
+            data = os.read(port.fileno(), _READ_BYTES)
+        except BlockingIOError:
+            return b""
+        except (OSError, TypeError, ValueError) as error:
+            raise self._lost(error) from error
+        if not data:  # a port that is gone is always ready and has nothing
+            raise self._lost(None)
+        self.statistics.read_bytes += len(data)
+        return data
+
+    def set_baud_rate(self, baud_rate: int) -> bool:
+        port = self._open_port()
+        try:
+            port.flush()  # what was written goes out at the old rate
+            port.baudrate = baud_rate
+        except (OSError, ValueError, TypeError) as error:
+            raise self._lost(error) from error
+        return True
+
+    def close(self) -> None:
+        port, self._serial = self._serial, None
+        if port is not None:
+            with contextlib.suppress(OSError):
+                port.close()
+
+    def _open_port(self) -> serial.Serial:
+        if self._serial is None:
+            raise LinkError(f"{self.name}: the port is closed")
+        return self._serial
+
+    def _lost(self, error: Exception | None) -> LinkError:
+        if self._serial is None:
+            return LinkError(f"{self.name}: the port was closed")
+        reason = "the port is gone" if error is None else str(getattr(error, "strerror", None) or error)
+        return LinkError(f"{self.name}: lost: {reason}. Is the cable still plugged in?")
+
+
+def _reason(error: Exception) -> str:
+    text, number = str(error), getattr(error, "errno", None)
+    if number == errno.ENOENT:
+        return "there is no such port. `radio-config list` shows those there are"
+    if number == errno.EACCES:
+        return "not allowed. Add yourself to the group that owns it (usually `sudo usermod -a -G dialout $USER`)"
+    if number in {errno.EBUSY, errno.EAGAIN} or "exclusively lock" in text:
+        return "in use by another program"
+    return f"cannot be opened: {getattr(error, 'strerror', None) or text}"
