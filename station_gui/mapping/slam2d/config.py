@@ -47,7 +47,9 @@ class MatchConfig:
     min_points: int = 12
     doubtful_share: float = 0.8  # below this share of inliers the neighbourhood is searched
     better_share: float = 0.05  # what the search must win to be believed against the prediction
-    lost_share: float = 0.3  # below this the odometry is believed
+    lost_share: float = 0.6  # below this the odometry is believed,
+    far_share: float = 0.9  # and below this when the match is as far as
+    far_sigmas: float = 5.0  # from it: a robot that was carried off fits somewhere near by chance
     regained_share: float = 0.6  # and once lost a scan must fit this well to be found again
     patience_scans: int = 20  # lost for longer than this a new piece of map begins
     noise_m: float = 0.03  # of one residual, beams of one wall being correlated

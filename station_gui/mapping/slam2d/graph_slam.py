@@ -179,7 +179,7 @@ class GraphSlam:
         match = self._match(lines, motion)
         self._pose = match.pose
         self._count_way(before)
-        if match.share >= self._needed_share():
+        if match.share > 0.0:
             self._lost_scans = 0
         elif len(lines.points_m) >= self._config.match.min_points:
             self._lost_scans += 1
@@ -201,14 +201,16 @@ class GraphSlam:
         if len(lines.points_m) < config.min_points:
             return Match(predicted, np.diag(weight), 0.0, 0.0)
         match = self._matcher.match(lines, self._local.current, predicted, weight)
-        if match.share < self._needed_share() or not np.isfinite(match.pose).all():
-            return Match(predicted, np.diag(weight), match.share, 0.0)
+        away = between(predicted, match.pose) / (shift_sigma_m, shift_sigma_m, turn_sigma_rad)
+        if not np.isfinite(away).all() or match.share < self._needed_share(float(np.abs(away).max())):
+            return Match(predicted, np.diag(weight), 0.0, 0.0)
         return match
 
-    def _needed_share(self) -> float:
+    def _needed_share(self, away_sigmas: float) -> float:
         """Of points that fit, for a match to be believed: more once the robot is lost, where chance fits abound."""
         config = self._config.match
-        return config.regained_share if self._lost_scans else config.lost_share
+        least = config.regained_share if self._lost_scans else config.lost_share
+        return least + min(1.0, away_sigmas / config.far_sigmas) * (config.far_share - least)
 
     def _count_way(self, before: NDArray[np.float64]) -> None:
         step = between(before, self._pose)
