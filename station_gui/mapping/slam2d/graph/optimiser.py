@@ -11,7 +11,7 @@ from station_gui.mapping.slam2d.config import PoseGraphConfig
 from station_gui.mapping.slam2d.graph import _kernels
 from station_gui.mapping.slam2d.graph.solver.analysis import Analysis
 from station_gui.mapping.slam2d.graph.solver.block_cholesky import BlockCholesky
-from station_gui.mapping.slam2d.graph.solver.share import Share, Task
+from station_gui.mapping.slam2d.share import Share, Task
 
 
 @dataclass(slots=True, eq=False)

@@ -6,14 +6,13 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from station_gui.mapping.slam2d.config import PoseGraphConfig
 from station_gui.mapping.slam2d.graph import _kernels
 from station_gui.mapping.slam2d.graph.optimiser import Edges, Optimiser
-from station_gui.mapping.slam2d.graph.solver.share import Task
+from station_gui.mapping.slam2d.graph.ways.ways import Ways
 from station_gui.mapping.slam2d.se2_arrays import between, compose
+from station_gui.mapping.slam2d.share import Task
 
 _FIRST_ROOM = 256
 _Number = TypeVar("_Number", bound=np.generic)
@@ -29,7 +28,7 @@ class PoseGraph:
         self._measured: NDArray[np.float64] = np.zeros((_FIRST_ROOM, 3))
         self._information: NDArray[np.float64] = np.zeros((_FIRST_ROOM, 3, 3))
         self._robust: NDArray[np.bool_] = np.zeros(_FIRST_ROOM, np.bool_)
-        self._length_m: NDArray[np.float64] = np.zeros(_FIRST_ROOM)
+        self.ways = Ways()
         self._trial = np.zeros((_FIRST_ROOM, 3))  # where an optimisation has come to
         self._trial_nodes = 0
         self._optimised_edges = 0
@@ -57,6 +56,7 @@ class PoseGraph:
         if self.nodes == len(self._poses):
             self._poses = _doubled(self._poses)
         self._poses[self.nodes] = pose
+        self.ways.add_node()
         self.nodes += 1
         return self.nodes - 1
 
@@ -77,13 +77,12 @@ class PoseGraph:
         if self.edges == len(self._ends):
             self._ends, self._measured = _doubled(self._ends), _doubled(self._measured)
             self._information, self._robust = _doubled(self._information), _doubled(self._robust)
-            self._length_m = _doubled(self._length_m)
         e = self.edges
         self._ends[e] = i, j
         self._measured[e] = measured
         self._information[e] = information
         self._robust[e] = robust
-        self._length_m[e] = length_m
+        self.ways.add_edge(i, j, length_m)
         self.edges += 1
 
     @property
@@ -99,7 +98,7 @@ class PoseGraph:
     @property
     def length_m(self) -> NDArray[np.float64]:
         """(edges,): the way that the drift of each is worth; a view."""
-        return self._length_m[: self.edges]
+        return self.ways.length_m
 
     def take_as_settled(self) -> None:
         """The edges so far have been optimised elsewhere: none is new to the next optimisation."""
@@ -161,16 +160,20 @@ class PoseGraph:
 
     def chi2(self) -> NDArray[np.float64]:
         """(edges,): squared error of every edge by its information."""
-        result = np.zeros(self.edges)
-        _kernels.all_chi2(self.poses, self.ends, self._measured[: self.edges], self._information[: self.edges], result)
+        return self.last_chi2(self.edges)
+
+    def last_chi2(self, count: int) -> NDArray[np.float64]:
+        """(count,): that of the edges that came last."""
+        result, last = np.zeros(count), slice(self.edges - count, self.edges)
+        _kernels.all_chi2(self.poses, self._ends[last], self._measured[last], self._information[last], result)
         return result
 
     def distances_m(self, node: int, limit_m: float = np.inf) -> NDArray[np.float64]:
         """(nodes,): length of the shortest way along edges from `node`; infinite beyond `limit_m`."""
-        graph = csr_array(
-            (self._length_m[: self.edges], (self.ends[:, 0], self.ends[:, 1])), shape=(self.nodes, self.nodes)
-        )
-        return np.asarray(dijkstra(graph, directed=False, indices=np.array([node]), limit=limit_m)[0])
+        result = np.full(self.nodes, np.inf)
+        near, way_m = self.ways.near(node, limit_m, self.nodes)
+        result[near] = way_m
+        return result
 
 
 def _doubled(array: NDArray[_Number]) -> NDArray[_Number]:

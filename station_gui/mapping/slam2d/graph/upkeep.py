@@ -112,7 +112,7 @@ class GraphUpkeep:
             information = edge_information(closure.information, 0.0, config.shift_sigma_m, config.turn_sigma_rad)
             self._graph.add_edge(closure.old, closure.new, closure.measured, information, 0.5, robust=True)
             self._closed.append((closure.old, closure.new))
-        if float(self._graph.chi2()[-len(closures) :].max()) > config.optimise_chi2:
+        if float(self._graph.last_chi2(len(closures)).max()) > config.optimise_chi2:
             self._bent = True
         self._urgent = self._urgent or len(closures) > 1
 

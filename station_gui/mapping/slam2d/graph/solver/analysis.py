@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station_gui.mapping.slam2d.graph.solver import _kernels
-from station_gui.mapping.slam2d.graph.solver.share import Share, Task
+from station_gui.mapping.slam2d.share import Share, Task
 
 _FIRST_ROOM = 256
 _LIST_ROOM = 4  # neighbours that a list has room for at first

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from station_gui.mapping.slam2d.graph.solver import _kernels
 from station_gui.mapping.slam2d.graph.solver.analysis import Analysis
-from station_gui.mapping.slam2d.graph.solver.share import Share, Task
+from station_gui.mapping.slam2d.share import Share, Task
 
 
 class BlockCholesky:

@@ -1,0 +1,1 @@
+"""Which nodes are near: along the edges, and as the crow flies."""
