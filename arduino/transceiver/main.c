@@ -1,0 +1,10 @@
+#include "board/atmega2560.h"
+#include "core/transceiver.h"
+
+int main(void)
+{
+    struct reset reset = board_init();
+    transceiver_init(reset.cause, reset.detail);
+    for (;;)
+        transceiver_loop();
+}
