@@ -12,8 +12,11 @@ from shared.link.tcp import TcpClientLink
 from shared.runtime.clock import Clock, wall_clock_name
 from station_gui.config import StationConfig
 from station_gui.mapping.pipeline import MappingPipeline
-from station_gui.mapping.slam2d.base import Slam
+from station_gui.mapping.saved_map import SavedMap
+from station_gui.mapping.slam2d.base import StoredSlam
 from station_gui.mapping.slam2d.graph_slam import GraphSlam
+from station_gui.mapping.slam2d.localisation.map_tracker import MapTracker
+from station_gui.mapping.slam2d.localisation.self_locating import SelfLocatingSlam
 from station_gui.mapping.slam2d.particle.particle_slam import ParticleSlam
 from station_gui.model.station import MakeLink, NameRecording, Station
 from station_gui.planning.path_planner import PathPlanner
@@ -23,7 +26,13 @@ def build_pipeline(config: StationConfig) -> MappingPipeline:
     return MappingPipeline(partial(build_slam, config), config.combine)
 
 
-def build_slam(config: StationConfig) -> Slam:
+def build_slam(config: StationConfig, given: SavedMap | None = None, fixed: bool = False) -> SelfLocatingSlam:
+    """From scratch or from a map that is given; `fixed`: the robot only follows itself in it."""
+    inner = MapTracker(config.slam) if fixed and given is not None else build_method(config)
+    return SelfLocatingSlam(config.localisation, config.slam.grid, inner, given, fixed=fixed)
+
+
+def build_method(config: StationConfig) -> StoredSlam:
     """The SLAM that `method` names."""
     if config.method == "particle":
         return ParticleSlam(config.particle_slam, np.random.default_rng(config.particle_slam.seed))

@@ -11,6 +11,7 @@ from shared.geometry.ackermann import CarGeometry
 from station_gui.comms.session import SessionConfig
 from station_gui.mapping.objects.combine import CombineConfig
 from station_gui.mapping.slam2d.config import GraphSlamConfig
+from station_gui.mapping.slam2d.localisation.config import LocalisationConfig
 from station_gui.mapping.slam2d.particle.config import ParticleSlamConfig
 from station_gui.planning.path_planner import PlannerConfig
 from station_gui.views.config import WindowConfig
@@ -30,6 +31,7 @@ class StationConfig:
     session: SessionConfig = field(default_factory=SessionConfig)
     slam: GraphSlamConfig = field(default_factory=GraphSlamConfig)
     particle_slam: ParticleSlamConfig = field(default_factory=ParticleSlamConfig)
+    localisation: LocalisationConfig = field(default_factory=LocalisationConfig)
     combine: CombineConfig = field(default_factory=CombineConfig)
     planner: PlannerConfig = field(default_factory=PlannerConfig)
     window: WindowConfig = field(default_factory=WindowConfig)

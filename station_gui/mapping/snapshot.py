@@ -46,6 +46,15 @@ class ObjectMap:
     cluster: NDArray[np.int32]
 
 
+class Tracking(IntEnum):
+    """Whether the robot's place in the map is known."""
+
+    LOCATED = 0
+    SEARCHING = 1  # it is looked for, and some places may be where it is
+    LOST = 2  # it is looked for, and no place of the map fits so far
+    APART = 3  # a new piece of map has begun, which hangs on the old one by odometry alone
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class MapSnapshot:
     """The state of the map after one observation.
@@ -65,3 +74,6 @@ class MapSnapshot:
     observations: int
     slam_s: float  # how long the newest observation took
     combine_s: float
+    tracking: Tracking = Tracking.LOCATED
+    places: int = 0  # of the map that may be where the robot is, while it is searched for
+    fixed: bool = False  # the map was given and is not changed

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from shared.config import ConfigError
-from station_gui.build import build_slam
+from station_gui.build import build_method
 from station_gui.config import DEFAULT_PATH, load_config
 from station_gui.mapping.slam2d.graph_slam import GraphSlam
 from station_gui.mapping.slam2d.particle.particle_slam import ParticleSlam
@@ -17,8 +17,8 @@ def test_the_station_maps_by_the_method_that_its_file_names(tmp_path: Path) -> N
     other = tmp_path / "station.toml"
     other.write_text(text.replace('method = "graph"', 'method = "particle"'), "utf-8")
 
-    assert isinstance(build_slam(load_config(None)), GraphSlam)
-    assert isinstance(build_slam(load_config(other)), ParticleSlam)
+    assert isinstance(build_method(load_config(None)), GraphSlam)
+    assert isinstance(build_method(load_config(other)), ParticleSlam)
 
 
 def test_graph_slam_is_what_a_file_without_a_method_gets() -> None:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shared.geometry.se2 import Pose2
 from station_gui.mapping.scan import PointScan
-from station_gui.mapping.snapshot import GridMap
+from station_gui.mapping.slam2d.keyframes import Keyframe
+from station_gui.mapping.snapshot import GridMap, Tracking
+
+if TYPE_CHECKING:
+    from station_gui.mapping.saved_map import SavedMap
 
 
 class MappingError(Exception):
@@ -44,4 +49,51 @@ class Slam(Protocol):
 
     def grid(self) -> GridMap:
         """The occupancy grid as it is believed now."""
+        ...
+
+
+class StoredSlam(Slam, Protocol):
+    """A method that can begin with a stored map, be told where the robot is, and says when it no longer fits."""
+
+    def load(self, saved: SavedMap) -> None:
+        """Begin with this map; the next scan has to come by `resume`."""
+        ...
+
+    def saved(self) -> SavedMap:
+        """The map as it is believed now."""
+        ...
+
+    def resume(self, scan: PointScan, map_from_robot: Pose2) -> Pose2:
+        """As `add`, for a robot that somebody else has found to be at this place of the map."""
+        ...
+
+    @property
+    def lost_scans(self) -> int:
+        """How many scans in a row have not fitted."""
+        ...
+
+    @property
+    def keyframes(self) -> Sequence[Keyframe]:
+        """In the order of `trajectory()`."""
+        ...
+
+
+class SessionSlam(Slam, Protocol):
+    """What the pipeline asks: a method that also knows whether it knows where the robot is."""
+
+    def saved(self) -> SavedMap:
+        """The map as it is believed now."""
+        ...
+
+    @property
+    def tracking(self) -> Tracking: ...
+
+    @property
+    def places(self) -> int:
+        """Of the map that may be where the robot is, while it is searched for."""
+        ...
+
+    @property
+    def fixed(self) -> bool:
+        """The map was given and is not changed."""
         ...

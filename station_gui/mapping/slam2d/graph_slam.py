@@ -210,7 +210,8 @@ class GraphSlam:
         """Of points that fit, for a match to be believed: more once the robot is lost, where chance fits abound."""
         config = self._config.match
         least = config.regained_share if self._lost_scans else config.lost_share
-        return least + min(1.0, away_sigmas / config.far_sigmas) * (config.far_share - least)
+        far_sigmas = config.far_sigmas * (1 + self._lost_scans)  # the prediction is the older the longer it is lost
+        return least + min(1.0, away_sigmas / far_sigmas) * (config.far_share - least)
 
     def _count_way(self, before: NDArray[np.float64]) -> None:
         step = between(before, self._pose)

@@ -75,3 +75,4 @@ class LocalisationConfig:
     trail_scans: int = 40
     search_again_m: float = 0.4  # driven, after a search that has found nothing to believe
     lost_scans: int = 8  # in a row that do not fit: the robot is lost
+    give_up_m: float = 6.0  # driven while it is lost: a new piece of map begins, where the map may grow

@@ -51,6 +51,11 @@ class Relocaliser:
         """How many searches of the whole map have ended."""
         return self._searches
 
+    @property
+    def undecided(self) -> bool:
+        """Some places may be it, or the first look at the map has not ended."""
+        return bool(self.hypotheses) or self._searches == 0 or bool(self._waiting)
+
     def add(self, scan: PointScan) -> Pose2 | None:
         """The robot in the map at this scan, once there is no doubt."""
         trail_from_robot = self._trail.add(scan)

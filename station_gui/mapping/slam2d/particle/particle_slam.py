@@ -7,10 +7,13 @@ matched on the best particle's map, and ride on its last step.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from shared.geometry.se2 import Pose2
+from station_gui.mapping.saved_map import SavedMap
 from station_gui.mapping.scan import PointScan
 from station_gui.mapping.slam2d.base import MappingError
 from station_gui.mapping.slam2d.grid.occupancy_grid import OccupancyGrid
@@ -21,6 +24,7 @@ from station_gui.mapping.slam2d.particle.blocks.block_maps import BlockMaps
 from station_gui.mapping.slam2d.particle.config import ParticleSlamConfig
 from station_gui.mapping.slam2d.particle.proposal.proposer import Proposer
 from station_gui.mapping.slam2d.particle.resampling import effective_number, normalised, systematic
+from station_gui.mapping.slam2d.particle.stored import steps_of, to_saved
 from station_gui.mapping.slam2d.se2_arrays import between, compose
 from station_gui.mapping.snapshot import GridMap
 
@@ -54,14 +58,53 @@ class ParticleSlam:
 
     def add(self, scan: PointScan) -> Pose2:
         """See `Slam.add`. Raises MappingError for a scan that holds anything but finite numbers."""
-        if not (np.isfinite(scan.points_m).all() and np.isfinite(scan.odom_from_robot.as_array()).all()):
-            raise MappingError(f"the scan at {scan.stamp_s:.3f} s holds numbers that are not finite")
-        near = np.abs(scan.points_m).max(axis=1, initial=0.0) <= self._config.proposal.max_range_m
-        lines = to_lines(scan.points_m[near], scan.origin_m, self._config.normals)
-        if len(self._scans) == 0:
+        lines = self._lines(scan)
+        if not self._steps:
             self._begin(scan, lines)
         else:
             self._track(scan, lines)
+        return self._added(scan)
+
+    def load(self, saved: SavedMap) -> None:
+        """Begin with this map, the same for all particles; the next scan has to come by `resume`."""
+        self._steps, poses = steps_of(saved)
+        end = np.full(1, -1, np.int64)
+        for step, pose in zip(self._steps, poses, strict=True):
+            self._maps.insert(0, step.lines(), pose)
+            end = self._ancestry.extend(end, pose[None])
+        self._maps.adopt(np.zeros(len(self._poses), np.int64))
+        self._ends[:] = end[0]
+        self._poses[:] = poses[-1]
+
+    def saved(self) -> SavedMap:
+        """The map of the best particle."""
+        return to_saved(self._steps, self._step_poses())
+
+    def resume(self, scan: PointScan, map_from_robot: Pose2) -> Pose2:
+        """As `add`, for a robot that somebody else has found to be at this place of the map."""
+        lines = self._lines(scan)
+        self._poses[:] = map_from_robot.as_array()
+        self._lost_scans = 0
+        self._record(scan, lines, np.ones(len(self._poses), bool), np.eye(3))
+        return self._added(scan)
+
+    @property
+    def lost_scans(self) -> int:
+        """How many scans in a row have not fitted."""
+        return self._lost_scans
+
+    @property
+    def keyframes(self) -> Sequence[Keyframe]:
+        """In the order of `trajectory()`."""
+        return self._steps
+
+    def _lines(self, scan: PointScan) -> LineScan:
+        if not (np.isfinite(scan.points_m).all() and np.isfinite(scan.odom_from_robot.as_array()).all()):
+            raise MappingError(f"the scan at {scan.stamp_s:.3f} s holds numbers that are not finite")
+        near = np.abs(scan.points_m).max(axis=1, initial=0.0) <= self._config.proposal.max_range_m
+        return to_lines(scan.points_m[near], scan.origin_m, self._config.normals)
+
+    def _added(self, scan: PointScan) -> Pose2:
         self._odometry = scan.odom_from_robot
         self._scans.append(len(self._steps) - 1, self._rel)
         return Pose2.from_array(compose(self._poses[self._best], self._rel))

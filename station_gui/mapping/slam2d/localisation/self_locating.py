@@ -1,0 +1,162 @@
+"""A SLAM that notices when it no longer knows where the robot is, and finds it again in its own map."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.geometry.se2 import Pose2
+from station_gui.mapping.saved_map import SavedMap
+from station_gui.mapping.scan import PointScan
+from station_gui.mapping.slam2d.base import StoredSlam
+from station_gui.mapping.slam2d.config import GridConfig
+from station_gui.mapping.slam2d.keyframes import Placed
+from station_gui.mapping.slam2d.localisation.config import LocalisationConfig
+from station_gui.mapping.slam2d.localisation.reference import Reference
+from station_gui.mapping.slam2d.localisation.relocaliser import Relocaliser
+from station_gui.mapping.slam2d.se2_arrays import compose
+from station_gui.mapping.snapshot import GridMap, Tracking
+
+
+class SelfLocatingSlam:
+    """See `SessionSlam`. Goes on with `inner` while its scans fit; else looks for the robot in the whole map.
+
+    A robot that cannot be found for long, in a map that may grow, begins a new piece of it.
+    """
+
+    def __init__(
+        self, config: LocalisationConfig, grid: GridConfig, inner: StoredSlam, given: SavedMap | None, *, fixed: bool
+    ) -> None:
+        """`given`: the map to begin with, in which the robot has to be found first; `fixed`: it is not to change."""
+        self._config = config
+        self._grid_config = grid
+        self._inner = inner
+        self._fixed = fixed
+        self._scans = Placed()  # on scans of the inner one
+        self._inner_scans = 0
+        self._early: list[Pose2] = []  # odometry of the scans before the robot was found for the first time
+        self._first_odometry = Pose2()  # when it was
+        self._moved = 0  # how often poses that were given out have changed by being found
+        self._odometry = Pose2()
+        self._pose = Pose2()
+        self._relocaliser: Relocaliser | None = None
+        self._lost_way_m = 0.0
+        self._piece_from: int | None = None  # first keyframe of a piece that nothing joins to the rest
+        if given is not None:
+            inner.load(given)
+            self._lose()
+
+    def add(self, scan: PointScan) -> Pose2:
+        """See `Slam.add`. While the robot is lost: its place by odometry from where it was seen last."""
+        motion = self._odometry.inverse() @ scan.odom_from_robot if len(self) else Pose2()
+        if self._relocaliser is None:
+            self._follow(scan)
+        else:
+            self._look(self._relocaliser, scan, motion)
+        self._odometry = scan.odom_from_robot
+        return self._pose
+
+    def __len__(self) -> int:
+        return len(self._early) + len(self._scans)
+
+    def _follow(self, scan: PointScan) -> None:
+        self._pose = self._inner.add(scan)
+        self._note_inner_scan()
+        waits = self._piece_from is not None and self._piece_from >= len(self._inner.keyframes)
+        if self._inner.lost_scans == 0 or waits:
+            return
+        if self._inner.lost_scans >= self._config.lost_scans:
+            self._lose()
+
+    def _note_inner_scan(self) -> None:
+        self._inner_scans += 1
+        self._scans.append(self._inner_scans - 1, np.zeros(3))
+
+    def _lose(self) -> None:
+        inner = self._inner
+        reference = Reference(
+            self._config.reference, self._config.trail.match, self._grid_config, inner.keyframes,
+            inner.trajectory()[:, 1:],
+        )  # fmt: skip
+        self._relocaliser = Relocaliser(self._config, reference)
+        self._lost_way_m = 0.0
+
+    def _look(self, relocaliser: Relocaliser, scan: PointScan, motion: Pose2) -> None:
+        found = relocaliser.add(scan)
+        if found is not None:
+            self._go_on(scan, found)
+            return
+        self._pose = self._pose @ motion
+        self._lost_way_m += motion.distance_m(Pose2())
+        if self._inner_scans == 0:
+            self._early.append(scan.odom_from_robot)
+            return
+        last = len(self._scans) - 1
+        self._scans.append(self._inner_scans - 1, compose(self._scans.in_node(last), motion.as_array()))
+        if not self._fixed and self._lost_way_m > self._config.give_up_m:
+            self._relocaliser = None
+            self._piece_from = len(self._inner.keyframes)
+
+    def _go_on(self, scan: PointScan, found: Pose2) -> None:
+        if self._inner_scans == 0:
+            self._first_odometry = scan.odom_from_robot
+        self._pose = self._inner.resume(scan, found)
+        self._note_inner_scan()
+        self._relocaliser = None
+        self._piece_from = None
+        self._moved += 1
+
+    @property
+    def tracking(self) -> Tracking:
+        if self._relocaliser is not None:
+            return Tracking.SEARCHING if self._relocaliser.undecided else Tracking.LOST
+        return Tracking.LOCATED if self._piece_from is None or self._is_joined() else Tracking.APART
+
+    def _is_joined(self) -> bool:
+        """A closure leads from the new piece to an older one."""
+        first, closures = self._piece_from, self._inner.closures()
+        if first is None or not len(closures):
+            return first is None
+        joined = bool(((closures.min(axis=1) < first) & (closures.max(axis=1) >= first)).any())
+        if joined:
+            self._piece_from = None
+        return joined
+
+    @property
+    def places(self) -> int:
+        return len(self._relocaliser.hypotheses) if self._relocaliser is not None else 0
+
+    @property
+    def fixed(self) -> bool:
+        return self._fixed
+
+    def finish(self) -> None:
+        self._inner.finish()
+
+    def pose_of_scan(self, index: int) -> Pose2:
+        """Of one before the robot was found for the first time: by odometry from there."""
+        if index < len(self._early):
+            return self._early_pose(index)
+        place = index - len(self._early)
+        return self._inner.pose_of_scan(self._scans.node_of(place)) @ Pose2.from_array(self._scans.in_node(place))
+
+    def _early_pose(self, index: int) -> Pose2:
+        if self._inner_scans == 0:
+            return self._early[0].inverse() @ self._early[index]
+        return self._inner.pose_of_scan(0) @ (self._first_odometry.inverse() @ self._early[index])
+
+    @property
+    def revision(self) -> int:
+        return self._inner.revision + self._moved
+
+    def trajectory(self) -> NDArray[np.float64]:
+        return self._inner.trajectory()
+
+    def closures(self) -> NDArray[np.int32]:
+        return self._inner.closures()
+
+    def grid(self) -> GridMap:
+        return self._inner.grid()
+
+    def saved(self) -> SavedMap:
+        return self._inner.saved()
