@@ -13,8 +13,8 @@ Task = Iterator[None]  # does one share of its work whenever it is advanced
 class Share:
     """Units of work that are left in the present step; `done` counts those of all steps."""
 
-    def __init__(self) -> None:
-        self.left = 0
+    def __init__(self, units: int = 0) -> None:
+        self.left = units
         self.done = 0
 
     def begin(self, units: int) -> None:
@@ -37,4 +37,11 @@ class Share:
             self.take(kernel(state, self.left))
 
 
+def at_once(make_task: Callable[[Share], Task]) -> None:
+    """The whole of a task, without a pause."""
+    for _ in make_task(Share(_PLENTY)):
+        pass
+
+
 _END = object()
+_PLENTY = 1 << 60

@@ -11,8 +11,11 @@ from station_gui.mapping.slam2d.config import MatchConfig, NormalConfig
 from station_gui.mapping.slam2d.matching import _kernels
 from station_gui.mapping.slam2d.matching.local_map import LocalMap
 from station_gui.mapping.slam2d.search._kernels import correlate, fill_likelihood
+from station_gui.mapping.slam2d.share import Share, Task, at_once
 
 _NO_PRIOR = np.zeros(3)
+_ROWS_AT_ONCE = 16
+_CELLS_PER_UNIT = 12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,12 +135,23 @@ class ScanMatcher:
         factor = max(1, round(cell_m / local_map.cell_m))
         side = len(local_map.distance2) // factor
         likelihood = np.zeros((side, side), np.uint8)
-        fill_likelihood(local_map.distance2, np.round(255 * self._likelihood).astype(np.uint8), factor, likelihood)
+        at_once(lambda share: self.fill_likelihood(local_map, likelihood, share))
         return (
             likelihood,
             (local_map.origin_x_m, local_map.origin_y_m),
             factor * local_map.cell_m,
         )
+
+    def fill_likelihood(self, local_map: LocalMap, likelihood: NDArray[np.uint8], share: Share) -> Task:
+        """The map as a grid of likelihoods 0..255; each cell stands for a square of whole cells of the map."""
+        factor = len(local_map.distance2) // len(likelihood)
+        table = np.round(255 * self._likelihood).astype(np.uint8)
+        for first in range(0, len(likelihood), _ROWS_AT_ONCE):
+            if share.left <= 0:
+                yield
+            last = min(first + _ROWS_AT_ONCE, len(likelihood))
+            fill_likelihood(local_map.distance2, table, factor, likelihood, first, last)
+            share.take((last - first) * len(local_map.distance2) * factor // _CELLS_PER_UNIT)
 
 
 def _likelihood_table(reach_cells: int, cell_m: float, sigma_m: float) -> NDArray[np.float64]:
