@@ -85,7 +85,7 @@ class ParticleSlam:
         lines = self._lines(scan)
         self._poses[:] = map_from_robot.as_array()
         self._lost_scans = 0
-        self._record(scan, lines, np.ones(len(self._poses), bool), np.eye(3))
+        self._record(scan, lines, np.ones(len(self._poses), bool))
         return self._added(scan)
 
     @property
