@@ -110,11 +110,21 @@ class RadioSettings:
             problems.append(f"sleep_time_s is 0.1 to 86400, not {self.sleep_time_s:g}")
         if not (len(self.auto_send_text) <= 50 and re.fullmatch(r"[ -~]*", self.auto_send_text)):
             problems.append("auto_send_text is at most 50 plain ASCII characters")
-        if self.sleep is not Sleep.NONE and self.node is not Node.END_DEVICE:
-            problems.append("only an end_device sleeps; set node=end_device or sleep=none")
-        if self.auto_send_interval_s and not self.auto_send_text:
-            problems.append("auto_send_interval_s without auto_send_text: there is nothing to send")
         return problems
+
+
+def conflicts(settings: RadioSettings) -> list[str]:
+    """Combinations that the module takes and that cannot be meant, each as one sentence."""
+    found = []
+    if settings.sleep is not Sleep.NONE and settings.node is not Node.END_DEVICE:
+        found.append("only an end_device sleeps; set node=end_device or sleep=none")
+    if settings.auto_send_interval_s and not settings.auto_send_text:
+        found.append("auto_send_interval_s without auto_send_text: there is nothing to send")
+    if settings.own_id == settings.destination_id:
+        found.append(f"own_id and destination_id are both {settings.own_id:#06x}: the module would talk to itself")
+    if settings.acknowledge and settings.destination_id == BROADCAST_ID:
+        found.append("nobody acknowledges what is sent to all; set acknowledge=false or a destination_id")
+    return found
 
 
 def _outside(name: str, value: int, allowed: range | tuple[int, ...]) -> list[str]:
@@ -299,16 +309,7 @@ def parse_show(text: str) -> Shown:
         except (ValueError, IndexError, KeyError) as error:
             raise SettingsError(f"`show` says {row.label!r} is {shown!r}, which is not known") from error
     lines.pop("Effective Bitrate", None)
-    return Shown(_tolerant(values), tuple(lines.items()))
-
-
-def _tolerant(values: dict[str, Any]) -> RadioSettings:
-    """A module may hold combinations that we would not set: those are shown all the same."""
-    try:
-        return RadioSettings(**values)
-    except SettingsError:
-        harmless = values | {"sleep": Sleep.NONE, "auto_send_interval_s": 0}
-        return RadioSettings(**harmless)
+    return Shown(RadioSettings(**values), tuple(lines.items()))
 
 
 def differences(wanted: RadioSettings, current: RadioSettings) -> tuple[tuple[str, Any, Any], ...]:

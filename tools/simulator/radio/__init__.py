@@ -1,0 +1,1 @@
+"""The air between radio modules, and the ports they hang on."""
