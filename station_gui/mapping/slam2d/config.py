@@ -31,8 +31,9 @@ class LocalMapConfig:
     graph_reach_m: float = 30.0  # along the graph: what is farther may have drifted against the robot
     view_m: float = 18.0  # keyframes this near to the robot are in the window
     rebuild_distance_m: float = 4.0  # driven between two rebuilds
-    rebuild_scans_per_step: int = 24  # spreads a rebuild over the steps that follow
+    units_per_step: int = 16_000  # spreads a rebuild over the steps that follow; a unit is about 15 ns
     max_scans: int = 900
+    max_nodes: int = 1000  # that are asked whether they are near
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +100,7 @@ class LoopConfig:
     max_branches: int = 20_000
     cached_places: int = 8
     max_place_surfels: int = 20_000
-    scans_per_step: int = 24
+    units_per_step: int = 10_000  # a unit is about 15 ns
     agreement_m: float = 0.3  # of two far closures that confirm each other
     agreement_rad: float = math.radians(3.0)
 

@@ -169,7 +169,8 @@ class GraphSlam:
         self._pose = scan.odom_from_robot.as_array()
         self._new_node()
         self._local.begin(self._graph, self._by_node, self._node, self._pose)
-        self._local.step()
+        while not self._local.step():
+            pass
         self._add_keyframe(scan, lines)
 
     def _track(self, scan: PointScan, lines: LineScan) -> None:

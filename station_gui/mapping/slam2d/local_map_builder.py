@@ -16,6 +16,9 @@ from station_gui.mapping.slam2d.keyframes import Keyframe
 from station_gui.mapping.slam2d.matching.local_map import LocalMap
 from station_gui.mapping.slam2d.matching.scan_matcher import LineScan
 from station_gui.mapping.slam2d.se2_arrays import compose
+from station_gui.mapping.slam2d.share import Share, Task
+
+_Piece = tuple[NDArray[np.float64], list[Keyframe]]  # a node in the window's frame, and its scans
 
 
 class LocalMapBuilder:
@@ -25,7 +28,10 @@ class LocalMapBuilder:
         self._config = config
         self._front = self._new_window()
         self._back = self._new_window()
-        self._queue: list[tuple[Keyframe, NDArray[np.float64]]] = []
+        self._share = Share()
+        self._pieces: list[_Piece] = []
+        self._centre = (0.0, 0.0)
+        self._task: Task | None = None
         self._building = False
         self._next_from_node = np.zeros(3)
 
@@ -49,18 +55,18 @@ class LocalMapBuilder:
     def begin(self, graph: PoseGraph, by_node: list[list[Keyframe]], node: int, pose: NDArray[np.float64]) -> None:
         """Start the next window round `pose`, the robot in the map frame, who is at `node`."""
         config = self._config
-        near_graph = graph.distances_m(node, config.graph_reach_m)
-        away_m = np.hypot(graph.poses[:, 0] - pose[0], graph.poses[:, 1] - pose[1])
-        chosen = np.flatnonzero((near_graph <= config.graph_reach_m) & (away_m <= config.view_m))
-        chosen = chosen[np.argsort(near_graph[chosen], kind="stable")]
-        self._queue = []
-        for k in chosen:
-            self._queue.extend((keyframe, compose(graph.poses[k], keyframe.in_node)) for keyframe in by_node[k])
-            if len(self._queue) >= config.max_scans:
+        near, _ = graph.ways.near(node, config.graph_reach_m, config.max_nodes)
+        away_m = np.hypot(graph.poses[near, 0] - pose[0], graph.poses[near, 1] - pose[1])
+        self._pieces, scans = [], 0
+        for k in near[away_m <= config.view_m].tolist():
+            keyframes = by_node[k][-config.max_scans :]
+            self._pieces.append((graph.poses[k].copy(), keyframes))
+            scans += len(keyframes)
+            if scans >= config.max_scans:
                 break
-        self._queue.reverse()  # the nearest along the graph come last: their hits weigh most
-        self._back.clear(float(pose[0]), float(pose[1]))
+        self._centre = float(pose[0]), float(pose[1])
         self._next_from_node = graph.poses[node].copy()
+        self._task = self._draw()
         self._building = True
 
     def next_node(self, node_from_new: NDArray[np.float64]) -> None:
@@ -70,25 +76,31 @@ class LocalMapBuilder:
     def add_pending(self, keyframe: Keyframe) -> None:
         """A keyframe of the robot's node that came while the next window is in the making."""
         if self._building:
-            self._queue.append((keyframe, compose(self._next_from_node, keyframe.in_node)))
+            self._pieces.insert(0, (self._next_from_node.copy(), [keyframe]))
 
     def step(self) -> bool:
         """Work a little on the next window; True when it has just come into use.
 
         Its frame is the map's as it was when the making began: the graph may have bent since.
         """
-        if not self._building:
+        if self._task is None or not self._share.run(self._task, self._config.units_per_step):
             return False
-        count = self._config.rebuild_scans_per_step
-        for keyframe, pose in self._queue[:count]:
-            scan = keyframe.lines()
-            self._back.insert(scan.points_m, scan.normals, pose)
-        del self._queue[:count]
-        if self._queue:
-            return False
+        self._task = None
         self._front, self._back = self._back, self._front
         self._building = False
         return True
+
+    def _draw(self) -> Task:
+        """The nearest along the graph come last, for their hits weigh most; then what came meanwhile."""
+        yield from self._back.clear_slowly(*self._centre, self._share)
+        while self._pieces:
+            window_from_node, keyframes = self._pieces.pop()
+            for keyframe in reversed(keyframes):
+                if self._share.left <= 0:
+                    yield
+                scan = keyframe.lines()
+                pose = compose(window_from_node, keyframe.in_node)
+                self._share.take(self._back.insert(scan.points_m, scan.normals, pose))
 
     def _new_window(self) -> LocalMap:
         c = self._config

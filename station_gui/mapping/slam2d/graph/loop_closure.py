@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections import OrderedDict, deque
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from station_gui.mapping.slam2d.config import LocalMapConfig, LoopConfig
+from station_gui.mapping.slam2d.graph.places import Place, Places
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
+from station_gui.mapping.slam2d.graph.ways import _kernels
 from station_gui.mapping.slam2d.keyframes import Keyframe
-from station_gui.mapping.slam2d.matching.local_map import LocalMap
-from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, Match, ScanMatcher
+from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, ScanMatcher
 from station_gui.mapping.slam2d.se2_arrays import between, compose, rotate_information
-from station_gui.mapping.slam2d.search.branch_and_bound import Pyramid, build_pyramid, search
+from station_gui.mapping.slam2d.search.branch_and_bound import Search
+from station_gui.mapping.slam2d.share import Share
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,136 +44,107 @@ class Candidate:
     shift_m: float
 
 
-@dataclass(slots=True, eq=False)
-class _Place:
-    """Surroundings of a node in its own frame; `waiting` scans are not in it yet."""
-
-    local_map: LocalMap
-    waiting: deque[tuple[Keyframe, NDArray[np.float64]]]
-    pyramid: Pyramid | None = None
+_NEAR_UNITS = 500  # sorting the near nodes, in products of two 3 × 3 blocks
+_QUERY_UNITS = 6000
 
 
 class LoopCloser:
-    """Candidates by distance against drift, branch and bound, refinement, and a score to believe it.
-
-    One candidate is worked on at a time, a bounded share of it in each `step`.
-    """
+    """Candidates by distance against drift, branch and bound, refinement, and a score to believe it."""
 
     def __init__(self, config: LoopConfig, map_config: LocalMapConfig, matcher: ScanMatcher) -> None:
         self._config = config
-        self._map_config = map_config
         self._matcher = matcher
-        self._places: OrderedDict[int, _Place] = OrderedDict()
-        self._candidate: Candidate | None = None
-
-    @property
-    def busy(self) -> bool:
-        return self._candidate is not None
+        self.share = Share()
+        self._places = Places(config, map_config, matcher, self.share)
 
     def forget_places(self) -> None:
         """The nodes have moved against each other."""
-        self._places.clear()
+        self._places.forget()
 
-    def candidates(self, graph: PoseGraph, new: int) -> list[Candidate]:
+    def look(self, graph: PoseGraph, by_node: list[list[Keyframe]], new: int) -> Iterator[Closure | None]:
+        """What `new` may see of older nodes: a closure when one is found, None when the share is used up."""
+        for candidate in (yield from self.candidates(graph, new)):
+            place = yield from self._places.draw(graph, by_node, candidate.old)
+            closure = yield from self._close(graph, by_node, candidate, place)
+            self._places.let_go()
+            if closure is not None:
+                yield closure
+
+    def candidates(self, graph: PoseGraph, new: int) -> Generator[None, None, list[Candidate]]:
         """Older nodes that `new` may see, nearest first, none next to another."""
         config = self._config
-        way_m = graph.distances_m(new)
         poses = graph.poses
-        away_m = np.hypot(poses[:, 0] - poses[new, 0], poses[:, 1] - poses[new, 1])
+        x, y = float(poses[new, 0]), float(poses[new, 1])
+        last = max(0, new - 2 * config.neighbours - 2)
+        found, state = np.empty(last, np.int32), np.zeros(2, np.int64)
+        reach_m = config.overlap_m + 0.5 * config.max_search_m
+        yield from self.share.spread(
+            lambda s, budget: _kernels.nodes_within(graph.poses, last, x, y, reach_m, found, s, budget), state, last
+        )
+        near = found[: state[1]]
+        if len(near) == 0:
+            return []
+        way_m = np.empty(len(near))
+        limit_m = (config.max_search_m - config.drift_fixed_m) / config.drift_ratio  # farther makes no difference
+        yield from graph.ways.measure(self.share, new, near, limit_m, way_m)
+        self.share.take(_NEAR_UNITS)
+        away_m = np.hypot(graph.poses[near, 0] - x, graph.poses[near, 1] - y)
+        return self._choose(new, near, way_m, away_m)
+
+    def _choose(
+        self, new: int, near: NDArray[np.int32], way_m: NDArray[np.float64], away_m: NDArray[np.float64]
+    ) -> list[Candidate]:
+        config = self._config
         shift_m = np.minimum(config.drift_fixed_m + config.drift_ratio * way_m, config.max_search_m)
-        apart = np.abs(np.arange(graph.nodes) - new) > 2 * config.neighbours + 2
-        near = np.flatnonzero(apart & (np.arange(graph.nodes) < new) & (away_m < config.overlap_m + 0.5 * shift_m))
-        found: list[Candidate] = []
-        for old in near[np.argsort(away_m[near], kind="stable")]:
-            if any(abs(int(old) - other.old) <= 2 * config.neighbours for other in found):
-                continue
-            far = way_m[old] > config.min_graph_distance_m
-            if not far and away_m[old] > 0.5 * config.overlap_m:
-                continue
-            found.append(Candidate(int(old), new, float(shift_m[old]) if far else 0.0))
-            if len(found) == config.max_candidates:
-                break
-        return found
-
-    def begin(self, candidate: Candidate) -> None:
-        self._candidate = candidate
-
-    def step(self, graph: PoseGraph, by_node: list[list[Keyframe]]) -> Closure | None:
-        """Draw some scans of the old place, or its pyramid, or else look for the new node's scans in it."""
-        candidate = self._candidate
-        if candidate is None:
-            return None
-        place = self._place(graph, by_node, candidate.old)
-        if place.waiting:
-            self._draw(place)
-            return None
-        if candidate.shift_m > 0 and place.pyramid is None:
-            likelihood = self._matcher.likelihood(place.local_map, self._config.cell_m)
-            place.pyramid = build_pyramid(*likelihood, self._config.levels)
-            return None
-        self._candidate = None
-        return self._close(graph, by_node, candidate, place)
+        far = way_m > config.min_graph_distance_m
+        worth = (away_m < config.overlap_m + 0.5 * shift_m) & (far | (away_m <= 0.5 * config.overlap_m))
+        chosen: list[Candidate] = []
+        for k in np.flatnonzero(worth)[np.argsort(away_m[worth], kind="stable")]:
+            old = int(near[k])
+            if all(abs(old - other.old) > 2 * config.neighbours for other in chosen):
+                chosen.append(Candidate(old, new, float(shift_m[k]) if far[k] else 0.0))
+                if len(chosen) == config.max_candidates:
+                    break
+        return chosen
 
     def _close(
-        self, graph: PoseGraph, by_node: list[list[Keyframe]], candidate: Candidate, place: _Place
-    ) -> Closure | None:
+        self, graph: PoseGraph, by_node: list[list[Keyframe]], candidate: Candidate, place: Place
+    ) -> Generator[None, None, Closure | None]:
+        config = self._config
+        if candidate.shift_m > 0:
+            yield from self._places.raise_pyramid(place)
         query = self._query(graph, by_node, candidate.new)
-        if len(query.points_m) < self._config.min_query_points:
+        self.share.take(_QUERY_UNITS)
+        if len(query.points_m) < config.min_query_points:
             return None
         guess = between(graph.poses[candidate.old], graph.poses[candidate.new])
         if place.pyramid is not None and candidate.shift_m > 0:
-            stride = -(-len(query.points_m) // self._config.max_query_points)
-            found = search(
+            stride = -(-len(query.points_m) // config.max_query_points)
+            search = Search(
                 np.ascontiguousarray(query.points_m[::stride]),
                 place.pyramid,
                 guess,
                 candidate.shift_m,
-                self._config.search_turn_rad,
-                self._config.min_score,
-                self._config.max_branches,
+                config.search_turn_rad,
+                config.min_score,
+                config.max_branches,
             )
-            if found is None:
+            yield from search.run(self.share)
+            if search.found is None:
                 return None
-            guess = found.pose
-        return self._verified(place, query, guess, candidate)
+            guess = search.found.pose
+        return (yield from self._verified(place, query, guess, candidate))
 
-    def _verified(self, place: _Place, query: LineScan, guess: NDArray[np.float64], pair: Candidate) -> Closure | None:
-        match: Match = self._matcher.refine(query, place.local_map, guess)
+    def _verified(
+        self, place: Place, query: LineScan, guess: NDArray[np.float64], pair: Candidate
+    ) -> Generator[None, None, Closure | None]:
+        match = yield from self._matcher.refine_slowly(query, place.local_map, guess, self.share)
         if match.share < self._config.min_inlier_share or not np.isfinite(match.pose).all():
             return None
         moved_m = math.hypot(match.pose[0] - guess[0], match.pose[1] - guess[1])
         if moved_m > self._config.max_refinement_m:
             return None
         return Closure(pair.old, pair.new, match.pose, match.information, match.share, searched=pair.shift_m > 0)
-
-    def _place(self, graph: PoseGraph, by_node: list[list[Keyframe]], node: int) -> _Place:
-        if node in self._places:
-            self._places.move_to_end(node)
-            return self._places[node]
-        place = _Place(self._blank_map(), deque())
-        reach = self._config.neighbours
-        for k in range(max(0, node - reach), min(len(by_node), node + reach + 1)):
-            node_from_k = between(graph.poses[node], graph.poses[k])
-            place.waiting.extend((keyframe, compose(node_from_k, keyframe.in_node)) for keyframe in by_node[k])
-        self._places[node] = place
-        return place
-
-    def _blank_map(self) -> LocalMap:
-        """That of the place that was not needed for longest, or a new one."""
-        if len(self._places) >= self._config.cached_places:
-            local_map = self._places.popitem(last=False)[1].local_map
-            local_map.clear(0.0, 0.0)
-            return local_map
-        config = self._map_config
-        return LocalMap(
-            config.size_m, config.cell_m, config.reach_cells, self._config.max_place_surfels, config.max_count
-        )
-
-    def _draw(self, place: _Place) -> None:
-        for _ in range(min(self._config.scans_per_step, len(place.waiting))):
-            keyframe, pose = place.waiting.popleft()
-            scan = keyframe.lines()
-            place.local_map.insert(scan.points_m, scan.normals, pose)
 
     def _query(self, graph: PoseGraph, by_node: list[list[Keyframe]], node: int) -> LineScan:
         """Scans of the node and its neighbours in its own frame."""

@@ -6,17 +6,18 @@ It runs in the caller's thread, a bounded share at a time, so that what comes ou
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from station_gui.mapping.slam2d.config import LoopConfig, PoseGraphConfig
-from station_gui.mapping.slam2d.graph.loop_closure import Candidate, Closure, LoopCloser, edge_information
+from station_gui.mapping.slam2d.graph.loop_closure import Closure, LoopCloser, edge_information
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
 from station_gui.mapping.slam2d.keyframes import Keyframe
 from station_gui.mapping.slam2d.se2_arrays import between, compose
 
-_MAX_WAITING_JOBS = 200
+_MAX_WAITING = 200
 _MAX_UNCONFIRMED = 30
 
 
@@ -36,7 +37,8 @@ class GraphUpkeep:
         self._closer = closer
         self._graph = graph
         self._by_node = by_node
-        self._jobs: deque[Candidate] = deque(maxlen=_MAX_WAITING_JOBS)
+        self._waiting: deque[int] = deque(maxlen=_MAX_WAITING)  # nodes to look for loops from
+        self._looking: Iterator[Closure | None] | None = None
         self._unconfirmed: deque[Closure] = deque(maxlen=_MAX_UNCONFIRMED)
         self._closed: list[tuple[int, int]] = []
         self._bent = False  # closures say that the graph wants optimising
@@ -50,27 +52,30 @@ class GraphUpkeep:
 
     def look_for_loops(self, node: int) -> None:
         """Some time soon, from a node whose scans are all there."""
-        self._jobs.extend(self._closer.candidates(self._graph, node))
+        self._waiting.append(node)
 
     def step(self) -> bool:
-        """One share of a search or of an optimisation; True when the nodes have moved against each other."""
-        searching = self._closer.busy or self._jobs
-        if self._graph.optimising or self._urgent or not searching:
-            return self._optimise_a_little()
-        self._search()
-        return False
+        """A share of a search and one of an optimisation; True when the nodes have moved against each other."""
+        if self._looking is not None or self._waiting:
+            self._search()
+        return self._optimise_a_little()
 
     def finish(self) -> bool:
         """All that waits, and one more optimisation; True when the nodes have moved."""
-        while self._jobs or self._closer.busy:
+        while self._looking is not None or self._waiting:
             self._search()
         self._graph.optimise()
         return self._note_moves()
 
     def _search(self) -> None:
-        if not self._closer.busy:
-            self._closer.begin(self._jobs.popleft())
-        closure = self._closer.step(self._graph, self._by_node)
+        if self._looking is None:
+            self._looking = self._closer.look(self._graph, self._by_node, self._waiting.popleft())
+        self._closer.share.begin(self._loops.units_per_step)
+        try:
+            closure = next(self._looking)
+        except StopIteration:
+            self._looking = None
+            return
         if closure is not None:
             self._judge(closure)
 

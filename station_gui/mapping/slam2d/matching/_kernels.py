@@ -328,21 +328,28 @@ def refine(
     surfels: FloatArray,
     hessian: FloatArray,
     figures: FloatArray,
-) -> int:
-    """Gauss–Newton with a prior; `pose` is moved in place; returns the number of iterations.
+    state: FloatArray,
+    budget: int,
+) -> None:
+    """At most `budget` iterations of Gauss–Newton with a prior; `pose` is moved in place.
 
     The kernel narrows from wide to fine by halves, each time the pose has settled, so that far points pull first
     and near points decide.
-    `hessian` and `figures` are those of the last linearisation, without the prior.
+    `state` is [width of the kernel or 0 at the beginning, iterations, 1 at the end]; at the end `hessian` and
+    `figures` are those of the last linearisation, without the prior.
     """
     gradient = np.zeros(3)
     system = np.zeros((3, 3))
     step = np.zeros(3)
     difference = np.zeros(3)
-    kernel_m = wide_kernel_m
-    iteration = 0
-    while iteration < max_iterations:
-        iteration += 1
+    if state[0] == 0.0:
+        state[0] = wide_kernel_m
+    kernel_m = state[0]
+    for _ in range(budget):
+        if state[1] >= max_iterations:
+            state[2] = 1.0
+            break
+        state[1] += 1.0
         linearise(
             points, normals, pose, kernel_m, inlier_m, point_weight, origin_x, origin_y, cell_m, nearest, surfels,
             hessian, gradient, figures,
@@ -359,6 +366,7 @@ def refine(
             for b in range(3):
                 system[a, b] += hessian[a, b]
         if not solve3(system, gradient, step):
+            state[2] = 1.0
             break
         for a in range(3):
             pose[a] += step[a]
@@ -366,10 +374,12 @@ def refine(
         if kernel_m > fine_kernel_m:
             if moved_m < 5e-3 and abs(step[2]) < 1e-3:
                 kernel_m = max(fine_kernel_m, 0.5 * kernel_m)
+                state[0] = kernel_m
         elif moved_m < 2e-4 and abs(step[2]) < 5e-5:
+            state[2] = 1.0
             break
-    linearise(
-        points, normals, pose, fine_kernel_m, inlier_m, point_weight, origin_x, origin_y, cell_m, nearest, surfels,
-        hessian, gradient, figures,
-    )  # fmt: skip
-    return iteration
+    if state[2] > 0.0:
+        linearise(
+            points, normals, pose, fine_kernel_m, inlier_m, point_weight, origin_x, origin_y, cell_m, nearest, surfels,
+            hessian, gradient, figures,
+        )  # fmt: skip

@@ -11,6 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station_gui.mapping.slam2d.matching import _kernels
+from station_gui.mapping.slam2d.share import Share, Task, at_once
+
+_ROWS_AT_ONCE = 32
+_CELLS_PER_UNIT = 20
+_UNITS_PER_SCAN = 400
+_UNITS_PER_SURFEL = 10
 
 
 class LocalMap:
@@ -30,14 +36,26 @@ class LocalMap:
         self._max_count = max_count
 
     def clear(self, centre_x_m: float, centre_y_m: float) -> None:
-        self.nearest.fill(-1)
-        self.distance2.fill(_kernels.NONE_NEAR)
+        at_once(lambda share: self.clear_slowly(centre_x_m, centre_y_m, share))
+
+    def clear_slowly(self, centre_x_m: float, centre_y_m: float, share: Share) -> Task:
+        """The map is of no use until the task has come to its end."""
         self.used = 0
         self.origin_x_m = centre_x_m - 0.5 * self.size_m
         self.origin_y_m = centre_y_m - 0.5 * self.size_m
+        for row in range(0, len(self.nearest), _ROWS_AT_ONCE):
+            if share.left <= 0:
+                yield
+            self.nearest[row : row + _ROWS_AT_ONCE].fill(-1)
+            self.distance2[row : row + _ROWS_AT_ONCE].fill(_kernels.NONE_NEAR)
+            share.take(_ROWS_AT_ONCE * len(self.nearest) // _CELLS_PER_UNIT)
 
-    def insert(self, points_m: NDArray[np.float64], normals: NDArray[np.float64], pose: NDArray[np.float64]) -> None:
-        """`points_m`, `normals`: (N, 2), robot frame; `pose`: (3,), the robot in the window's frame."""
+    def insert(self, points_m: NDArray[np.float64], normals: NDArray[np.float64], pose: NDArray[np.float64]) -> int:
+        """`points_m`, `normals`: (N, 2), robot frame; `pose`: (3,), the robot in the window's frame.
+
+        Returns about how much work it was, in products of two 3 × 3 blocks.
+        """
+        before = self.used
         self.used = _kernels.stamp(
             points_m,
             normals,
@@ -52,6 +70,7 @@ class LocalMap:
             self.surfels,
             self.used,
         )
+        return _UNITS_PER_SCAN + len(points_m) + _UNITS_PER_SURFEL * (self.used - before)
 
     def surfel_means_m(self) -> NDArray[np.float64]:
         """(S, 2) in the window's frame."""

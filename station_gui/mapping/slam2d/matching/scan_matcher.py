@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Generator
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,6 +52,24 @@ def _gap_to_neighbour_m(points_m: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.minimum(np.append(gaps, np.inf), np.append(np.inf, gaps)))
 
 
+class _Refinement:
+    """Least squares on their way: the arrays are those of the kernel."""
+
+    def __init__(self, start: NDArray[np.float64]) -> None:
+        self.pose = start.copy()
+        self.hessian = np.zeros((3, 3))
+        self.figures = np.zeros(4)
+        self.state = np.zeros(3)
+
+    @property
+    def iterations(self) -> int:
+        return int(self.state[1])
+
+    @property
+    def ended(self) -> bool:
+        return bool(self.state[2])
+
+
 class ScanMatcher:
     """Gauss–Newton from a prediction; a correlative search first where the prediction does not fit.
 
@@ -80,13 +100,38 @@ class ScanMatcher:
         prior: NDArray[np.float64] = _NO_PRIOR,
         prior_weight: NDArray[np.float64] = _NO_PRIOR,
     ) -> Match:
+        work = _Refinement(start)
+        self._iterate(work, scan, local_map, prior, prior_weight, self._config.max_iterations + 1)
+        return self._match_of(work)
+
+    def refine_slowly(
+        self, scan: LineScan, local_map: LocalMap, start: NDArray[np.float64], share: Share
+    ) -> Generator[None, None, Match]:
+        """`refine` without a prior, as far as the share goes at a time."""
+        work = _Refinement(start)
+        units = 1 + len(scan.points_m)  # of one iteration
+        while not work.ended:
+            if share.left <= 0:
+                yield
+            done = work.iterations
+            self._iterate(work, scan, local_map, _NO_PRIOR, _NO_PRIOR, 1 + max(0, share.left) // units)
+            share.take(units * (1 + work.iterations - done))
+        return self._match_of(work)
+
+    def _iterate(
+        self,
+        work: _Refinement,
+        scan: LineScan,
+        local_map: LocalMap,
+        prior: NDArray[np.float64],
+        prior_weight: NDArray[np.float64],
+        budget: int,
+    ) -> None:
         config = self._config
-        pose = start.copy()
-        hessian, figures = np.zeros((3, 3)), np.zeros(4)
         _kernels.refine(
             scan.points_m,
             scan.normals,
-            pose,
+            work.pose,
             prior,
             prior_weight * config.noise_m**2,
             config.weak_points,
@@ -101,13 +146,17 @@ class ScanMatcher:
             local_map.cell_m,
             local_map.nearest,
             local_map.surfels,
-            hessian,
-            figures,
+            work.hessian,
+            work.figures,
+            work.state,
+            budget,
         )
-        inside, inliers, squares = figures[1], figures[2], figures[3]
+
+    def _match_of(self, work: _Refinement) -> Match:
+        _, inside, inliers, squares = work.figures.tolist()
         share = inliers / inside if inside > 0 else 0.0
-        rms_m = float(np.sqrt(squares / inliers)) if inliers > 0 else 0.0
-        return Match(pose, hessian / config.noise_m**2, float(share), rms_m)
+        rms_m = math.sqrt(squares / inliers) if inliers > 0 else 0.0
+        return Match(work.pose, work.hessian / self._config.noise_m**2, share, rms_m)
 
     def search(self, scan: LineScan, local_map: LocalMap, centre: NDArray[np.float64]) -> NDArray[np.float64]:
         """The best of a grid of poses round `centre`, with every n-th point."""
