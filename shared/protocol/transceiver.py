@@ -26,7 +26,9 @@ MAX_DATA_BYTES = 64  # a radio packet of 50 bytes with its head and RSSI is one 
 RADIO_TO_HOST_BYTES = 2_048  # kept by the firmware until the host has acknowledged them: 178 ms at 115200
 HOST_TO_RADIO_BYTES = 512
 ANNOUNCE_EVERY_MS = 250
-PING_EVERY_MS = 250
+PING_EVERY_MS = 100
+HEALTH_EVERY_MS = 1_000
+QUIET_AFTER_MS = 350  # a host that hears nothing says nothing more: the firmware may be in its boot loader
 SESSION_TIMEOUT_MS = 1_500  # without a frame from the other side
 RETRY_AFTER_MS = 60  # unacknowledged bytes are sent again; a busy host needs up to 20 ms to answer
 COMMAND_RETRY_MS = 200
@@ -99,17 +101,20 @@ class Announce:
 
 @dataclass(frozen=True, slots=True)
 class Hello:
-    """Host: begin a session; both sides forget all bytes on their way. Doing it twice with one number is once."""
+    """Host: begin a session; both sides forget all bytes on their way. Doing it twice with one number is once.
+
+    `session`: any number but 0 that was not used lately.
+    """
 
     fingerprint: U16
-    session: U8
+    session: U32
 
 
 @dataclass(frozen=True, slots=True)
 class Welcome:
     """Mega: the session has begun."""
 
-    session: U8
+    session: U32
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +149,9 @@ class Acknowledge:
 
 @dataclass(frozen=True, slots=True)
 class Ping:
-    """Host: tell me how you are; answered by `Health`, two `RadioHealth` and two `Acknowledge`."""
+    """Host: are you there? Answered by two `Acknowledge` and, where wanted, by `Health` and two `RadioHealth`."""
+
+    wants_health: U8
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +184,6 @@ class Done:
 class Health:
     """Counters since the reset; `free_ram_bytes` is what the stack has never touched."""
 
-    session: U8
     uptime_ms: U32
     reset_cause: U8
     reset_detail: U8

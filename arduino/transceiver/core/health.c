@@ -100,7 +100,6 @@ static bool tell_own(void)
 {
     uint32_t longest_us = 4ul * health.longest_4us;
     struct health body = {
-        .session = session.number,
         .uptime_ms = health.uptime_ms,
         .reset_cause = session.reset_cause,
         .reset_detail = session.reset_detail,

@@ -5,7 +5,7 @@
 
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "numbers lie in memory as on the wire");
 
-#define PROTOCOL_FINGERPRINT 0xBB74u
+#define PROTOCOL_FINGERPRINT 0xA0F4u
 #define FIRMWARE_MAJOR 1u
 #define FIRMWARE_MINOR 0u
 #define USB_BAUD 500000ul
@@ -94,14 +94,14 @@ _Static_assert(sizeof(struct announce) == 6, "announce is packed");
 
 struct __attribute__((packed)) hello {
     uint16_t fingerprint;
-    uint8_t session;
+    uint32_t session;
 };
-_Static_assert(sizeof(struct hello) == 3, "hello is packed");
+_Static_assert(sizeof(struct hello) == 6, "hello is packed");
 
 struct __attribute__((packed)) welcome {
-    uint8_t session;
+    uint32_t session;
 };
-_Static_assert(sizeof(struct welcome) == 1, "welcome is packed");
+_Static_assert(sizeof(struct welcome) == 4, "welcome is packed");
 
 struct __attribute__((packed)) refuse {
     uint16_t fingerprint;
@@ -120,6 +120,11 @@ struct __attribute__((packed)) acknowledge {
     uint16_t limit;
 };
 _Static_assert(sizeof(struct acknowledge) == 5, "acknowledge is packed");
+
+struct __attribute__((packed)) ping {
+    uint8_t wants_health;
+};
+_Static_assert(sizeof(struct ping) == 1, "ping is packed");
 
 struct __attribute__((packed)) set_baud {
     uint8_t tag;
@@ -142,7 +147,6 @@ struct __attribute__((packed)) done {
 _Static_assert(sizeof(struct done) == 2, "done is packed");
 
 struct __attribute__((packed)) health {
-    uint8_t session;
     uint32_t uptime_ms;
     uint8_t reset_cause;
     uint8_t reset_detail;
@@ -156,7 +160,7 @@ struct __attribute__((packed)) health {
     uint8_t usb_in_high_water;
     uint8_t usb_out_high_water;
 };
-_Static_assert(sizeof(struct health) == 25, "health is packed");
+_Static_assert(sizeof(struct health) == 24, "health is packed");
 
 struct __attribute__((packed)) radio_health {
     uint8_t radio;

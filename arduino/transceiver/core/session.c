@@ -16,7 +16,7 @@ void session_init(uint8_t reset_cause, uint8_t reset_detail, uint16_t now_ms)
     }
 }
 
-static void begin(uint8_t number)
+static void begin(uint32_t number)
 {
     session.number = number;
     for (uint8_t radio = 0; radio < RADIOS; radio++) {

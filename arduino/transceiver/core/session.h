@@ -6,7 +6,7 @@
 #include "uart.h"
 
 struct session {
-    uint8_t number; // 0: none
+    uint32_t number; // 0: none
     uint8_t reset_cause;
     uint8_t reset_detail;
     bool welcome;

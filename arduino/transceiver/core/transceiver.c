@@ -28,9 +28,10 @@ static void on_acknowledge(const struct acknowledge *body, uint16_t now_ms)
         to_host_acknowledge(&to_host[body->radio], body->received, body->limit, now_ms);
 }
 
-static void on_ping(void)
+static void on_ping(const struct ping *body)
 {
-    health_tell();
+    if (body->wants_health)
+        health_tell();
     for (uint8_t radio = 0; radio < RADIOS; radio++)
         to_radio[radio].tell = true;
 }
@@ -41,16 +42,17 @@ static uint8_t size_of(uint8_t number, uint8_t size)
     switch (number) {
     case FRAME_HELLO: return sizeof(struct hello);
     case FRAME_ACKNOWLEDGE: return sizeof(struct acknowledge);
+    case FRAME_PING: return sizeof(struct ping);
     case FRAME_SET_BAUD: return sizeof(struct set_baud);
     case FRAME_RESET_RADIO: return sizeof(struct reset_radio);
     case FRAME_DATA: return size > sizeof(struct data) ? size : UINT8_MAX;
-    default: return 0; // a ping and a goodbye have no body
+    default: return 0; // a goodbye has no body
     }
 }
 
 static bool is_known(uint8_t number, uint8_t size)
 {
-    return size == size_of(number, size) && (size || number == FRAME_PING || number == FRAME_GOODBYE);
+    return size == size_of(number, size) && (size || number == FRAME_GOODBYE);
 }
 
 static void in_session(uint8_t number, const uint8_t *body, uint8_t size, uint16_t now_ms)
@@ -59,7 +61,7 @@ static void in_session(uint8_t number, const uint8_t *body, uint8_t size, uint16
     switch (number) {
     case FRAME_DATA: on_data(body, size); break;
     case FRAME_ACKNOWLEDGE: on_acknowledge((const struct acknowledge *)body, now_ms); break;
-    case FRAME_PING: on_ping(); break;
+    case FRAME_PING: on_ping((const struct ping *)body); break;
     case FRAME_SET_BAUD: command_set_baud((const struct set_baud *)body); break;
     case FRAME_RESET_RADIO: command_reset_radio((const struct reset_radio *)body, now_ms); break;
     case FRAME_GOODBYE: session_goodbye(); break;
