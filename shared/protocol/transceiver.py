@@ -24,7 +24,8 @@ DEFAULT_RADIO_BAUD = 115_200  # of an ES920LR as it comes
 RADIOS = 2
 MAX_DATA_BYTES = 64  # a radio packet of 50 bytes with its head and RSSI is one frame
 RADIO_TO_HOST_BYTES = 2_048  # kept by the firmware until the host has acknowledged them: 178 ms at 115200
-HOST_TO_RADIO_BYTES = 512
+HOST_TO_RADIO_BYTES = 256
+WINDOW_BYTES = 96  # unprocessed bytes a radio's stream may have on USB: both, with their frames, fit in the USB ring
 ANNOUNCE_EVERY_MS = 250
 PING_EVERY_MS = 100
 HEALTH_EVERY_MS = 1_000
@@ -295,7 +296,7 @@ FINGERPRINT = crc16(
             [(layout.number, layout.kind.__name__, layout.codes, layout.has_data) for layout in LAYOUTS.values()],
             [(e.__name__, [(m.name, m.value) for m in e]) for e in _ENUMS],
             (USB_BAUD, RADIO_BAUDS, DEFAULT_RADIO_BAUD, RADIOS, MAX_DATA_BYTES, RADIO_TO_HOST_BYTES),
-            (HOST_TO_RADIO_BYTES, SESSION_TIMEOUT_MS, MAX_RESET_MS),
+            (HOST_TO_RADIO_BYTES, WINDOW_BYTES, SESSION_TIMEOUT_MS, MAX_RESET_MS),
         )
     ).encode()
 )

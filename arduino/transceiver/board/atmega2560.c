@@ -13,6 +13,7 @@
 #define TICKS_PER_MS 250u // Timer 1 counts 4 µs
 #define PAINT 0xC5u
 #define GUARD_BYTES 8u
+#define LARGEST_GAP 96u
 #define ALIVE 0xA11Eu
 #define STOPPED 0x5709u
 
@@ -189,12 +190,17 @@ bool board_stack_is_whole(void)
     return true;
 }
 
+// The lowest byte that the stack has touched. A function may leave a gap as large as its variables untouched.
+static uint8_t *lowest_touched = (uint8_t *)RAMEND;
+
 uint16_t board_free_ram(void)
 {
-    const uint8_t *byte = &_end;
-    while (byte <= (uint8_t *)RAMEND && *byte == PAINT)
-        byte++;
-    return (uint16_t)(byte - &_end);
+    for (uint8_t gap = 0; gap < LARGEST_GAP && lowest_touched - gap > &_end; gap++)
+        if (lowest_touched[-1 - gap] != PAINT) {
+            lowest_touched -= gap + 1;
+            gap = UINT8_MAX; // begins anew at 0
+        }
+    return (uint16_t)(lowest_touched - &_end);
 }
 
 static void set_watchdog(uint8_t bits)

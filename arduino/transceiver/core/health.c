@@ -76,19 +76,24 @@ static void add_up(uint8_t port)
     }
 }
 
-void health_loop(uint16_t now_ms, uint16_t loop_4us)
+void health_mark(uint8_t ring, uint8_t used)
+{
+    if (used > health.high_water[ring])
+        health.high_water[ring] = used;
+}
+
+void health_loop_took(uint16_t loop_4us)
+{
+    if (loop_4us > health.longest_4us)
+        health.longest_4us = loop_4us;
+}
+
+static void add_up_all(uint16_t now_ms)
 {
     health.uptime_ms += (uint16_t)(now_ms - health.last_ms);
     health.last_ms = now_ms;
-    if (loop_4us > health.longest_4us)
-        health.longest_4us = loop_4us;
     for (uint8_t port = 0; port < PORT_COUNT; port++)
         add_up(port);
-    for (uint8_t index = 0; index < RINGS; index++) {
-        uint8_t used = ring_used(ring_of(index));
-        if (used > health.high_water[index])
-            health.high_water[index] = used;
-    }
     for (uint8_t radio = 0; radio < RADIOS; radio++) {
         uint8_t tail = uarts[PORT_RADIO_A + radio].out.tail;
         health.bytes_out[radio] += (uint8_t)(tail - health.taken[radio]);
@@ -110,8 +115,8 @@ static bool tell_own(void)
         .usb_framing = health.faults[FAULT_FRAMING][PORT_USB],
         .usb_overrun = health.faults[FAULT_OVERRUN][PORT_USB],
         .usb_ring_full = health.faults[FAULT_RING_FULL][PORT_USB],
-        .usb_in_high_water = health.high_water[2u * PORT_USB],
-        .usb_out_high_water = health.high_water[2u * PORT_USB + 1u],
+        .usb_in_high_water = health.high_water[RING_IN(PORT_USB)],
+        .usb_out_high_water = health.high_water[RING_OUT(PORT_USB)],
     };
     return frame_write(usb_out(), FRAME_HEALTH, &body, sizeof body, 0, 0);
 }
@@ -129,7 +134,7 @@ static bool tell_radio(uint8_t radio)
         .overrun = health.faults[FAULT_OVERRUN][port],
         .ring_full = health.faults[FAULT_RING_FULL][port],
         .stream_full = health.faults[FAULT_STREAM_FULL][port],
-        .ring_in_high_water = health.high_water[2u * port],
+        .ring_in_high_water = health.high_water[RING_IN(port)],
         .to_host_high_water = to_host[radio].high_water,
         .to_radio_high_water = to_radio[radio].high_water,
     };
@@ -155,22 +160,26 @@ static bool report(uint8_t fault, uint8_t port)
     return true;
 }
 
-static bool report_one(void)
+static void report_one(void)
 {
     for (uint8_t fault = 0; fault < FAULT_COUNT; fault++)
         for (uint8_t port = 0; port < PORT_COUNT; port++)
             if (report(fault, port))
-                return true;
-    return false;
+                return;
 }
 
 void health_task(uint16_t now_ms)
 {
+    if (now_ms == health.last_ms)
+        return;
+    add_up_all(now_ms);
     if (session.number == 0)
         return;
     answer_ping();
-    if ((uint16_t)(now_ms - health.reported_ms) >= REPORT_EVERY_MS && report_one())
+    if ((uint16_t)(now_ms - health.reported_ms) >= REPORT_EVERY_MS) {
         health.reported_ms = now_ms;
+        report_one();
+    }
 }
 
 void supervisor_task(uint16_t now_ms)

@@ -5,7 +5,7 @@
 
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "numbers lie in memory as on the wire");
 
-#define PROTOCOL_FINGERPRINT 0xA0F4u
+#define PROTOCOL_FINGERPRINT 0xB604u
 #define FIRMWARE_MAJOR 1u
 #define FIRMWARE_MINOR 0u
 #define USB_BAUD 500000ul
@@ -14,7 +14,8 @@ _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "numbers lie in memory
 #define MAX_DATA_BYTES 64u
 #define MAX_BODY_BYTES 67u
 #define RADIO_TO_HOST_BYTES 2048u
-#define HOST_TO_RADIO_BYTES 512u
+#define HOST_TO_RADIO_BYTES 256u
+#define WINDOW_BYTES 96u
 #define ANNOUNCE_EVERY_MS 250u
 #define SESSION_TIMEOUT_MS 1500u
 #define RETRY_AFTER_MS 60u

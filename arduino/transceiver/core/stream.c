@@ -3,8 +3,9 @@
 #define GAP_MS 2u // two characters at 9600: the radio has paused
 #define AGE_MS 5u // nothing waits longer for more
 #define TELL_AFTER_MS 2u
-#define TELL_AFTER_BYTES (HOST_TO_RADIO_BYTES / 4u)
+#define TELL_AFTER_BYTES (WINDOW_BYTES / 3u)
 #define LARGEST_WINDOW 0x8000u
+#define MOVED_PER_TURN 24u
 #define ANSWER_ROOM 48u // left free in the ring for answers, so that they need not wait behind data
 
 _Static_assert((RADIO_TO_HOST_BYTES & (RADIO_TO_HOST_BYTES - 1u)) == 0, "an offset's low bits are its place");
@@ -117,12 +118,11 @@ void to_radio_receive(struct to_radio *stream, uint16_t offset, const uint8_t *d
 
 bool to_radio_move(struct to_radio *stream, struct ring *radio)
 {
-    bool moved = false;
-    while (!to_radio_is_empty(stream) && ring_put(radio, stream->bytes[stream->tail % HOST_TO_RADIO_BYTES])) {
-        stream->tail++;
-        moved = true;
-    }
-    return moved;
+    uint16_t count = smaller(distance(stream->tail, stream->received), MOVED_PER_TURN);
+    count = smaller(count, ring_room(radio));
+    for (uint16_t n = count; n; n--)
+        ring_put(radio, stream->bytes[stream->tail++ % HOST_TO_RADIO_BYTES]);
+    return count != 0;
 }
 
 static bool is_news(const struct to_radio *stream, uint16_t limit, uint16_t now_ms)
@@ -134,7 +134,8 @@ static bool is_news(const struct to_radio *stream, uint16_t limit, uint16_t now_
 
 void to_radio_tell(struct to_radio *stream, uint8_t radio, struct ring *usb, uint16_t now_ms)
 {
-    uint16_t limit = (uint16_t)(stream->tail + HOST_TO_RADIO_BYTES);
+    uint16_t room = (uint16_t)(HOST_TO_RADIO_BYTES - distance(stream->tail, stream->received));
+    uint16_t limit = (uint16_t)(stream->received + smaller(room, WINDOW_BYTES));
     if (!is_news(stream, limit, now_ms))
         return;
     struct acknowledge body = {radio, stream->received, limit};

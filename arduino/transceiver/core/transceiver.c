@@ -5,7 +5,9 @@
 #include "health.h"
 #include "session.h"
 
-#define BYTES_PER_TURN 128u
+// No task takes long, or the rings of the others would overflow meanwhile.
+#define FROM_HOST_PER_TURN 48u
+#define FROM_RADIO_PER_TURN 32u
 
 struct uart uarts[PORT_COUNT];
 
@@ -89,7 +91,8 @@ static void on_frame(uint16_t now_ms)
 static void from_host(uint16_t now_ms)
 {
     struct ring *in = &uarts[PORT_USB].in;
-    for (uint8_t n = BYTES_PER_TURN; n && ring_used(in); n--) {
+    health_mark(RING_IN(PORT_USB), ring_used(in));
+    for (uint8_t n = FROM_HOST_PER_TURN; n && ring_used(in); n--) {
         enum frame_event event = frame_read(&reader, ring_take(in));
         if (event == FRAME_READY)
             on_frame(now_ms);
@@ -111,6 +114,9 @@ static void from_radio(uint8_t radio, uint16_t now_ms)
     struct ring *in = &uarts[port_of(radio)].in;
     uint16_t lost = 0;
     uint8_t count = ring_used(in);
+    health_mark(RING_IN(port_of(radio)), count);
+    if (count > FROM_RADIO_PER_TURN)
+        count = FROM_RADIO_PER_TURN;
     for (uint8_t n = count; n; n--) {
         uint8_t byte = ring_take(in);
         if (session.number && !to_host_put(&to_host[radio], byte, now_ms))
@@ -131,7 +137,9 @@ static void to_hosts(uint16_t now_ms)
     if (session.number && !session.welcome)
         for (uint8_t radio = 0; radio < RADIOS; radio++)
             to_host_send(&to_host[radio], radio, usb_out(), now_ms);
-    if (ring_used(usb_out()))
+    uint8_t used = ring_used(usb_out());
+    health_mark(RING_OUT(PORT_USB), used);
+    if (used)
         board_send(PORT_USB);
 }
 
@@ -158,5 +166,5 @@ void transceiver_loop(void)
         board_enter_task(task);
         tasks[task](now_ms);
     }
-    health_loop(now_ms, (uint16_t)(board_now_4us() - began_4us));
+    health_loop_took((uint16_t)(board_now_4us() - began_4us));
 }
