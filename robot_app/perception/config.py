@@ -32,6 +32,10 @@ class EdgeConfig:
     sample_spacing_m: float = 0.02  # of the sample nodes along an edge
     corner_gain: float = 4.0  # by how much the end of an edge is preferred to its middle as a sample, a corner less
     min_curve_m: float = 0.10  # smaller edges are noise
+    corner_arm_points: int = 5  # how many edge points to either side tell a corner
+    # Table 3 is for furniture: smaller things are learned with lengths in proportion to their size, down to a quarter.
+    detail_curve_m: float = 0.5
+    max_detail: float = 4.0
     full_curve_m: float = 0.8  # edges so large are preferred to smaller ones: outlines to the holes in them
     max_samples: int = 1500  # bounds the time of learning
 
@@ -73,6 +77,7 @@ class RefineConfig:
     eta_angle_per_deg: float = 0.01  # η1
     eta_distance_per_m: float = -0.95  # η2
     loop_reach_m: float = 0.35  # how far an open end looks for its partner
+    min_connection_m: float = 0.1  # γ3; less for curves smaller than `detail_curve_m`
     node_reach_m: float = 0.2  # n_x = n_y = n_z
     node_support_m: float = 0.10  # the length of edge that has to lie within node_reach_m
     connection_reach_m: float = 0.06  # q_x = q_y = q_z

@@ -9,7 +9,7 @@ from robot_app.drivers.base import DepthImage
 from robot_app.perception.config import PerceptionConfig
 from robot_app.perception.learner import Network
 from robot_app.perception.point_cloud import EdgeCloud, Mount
-from robot_app.perception.refine import refine
+from robot_app.perception.refine import Refiner
 from robot_app.perception.simplified_fast_gng import SimplifiedFastGng
 from shared.geometry.camera import Intrinsics
 from shared.messages import ObjectNetwork
@@ -24,12 +24,12 @@ class ObjectExtractor:
     def __init__(
         self, config: PerceptionConfig, intrinsics: Intrinsics, mount: Mount, rng: np.random.Generator
     ) -> None:
-        self._config = config
         self._shape = (intrinsics.height, intrinsics.width)
         self._robot_from_optical = mount.robot_from_optical().astype(np.float32)
         self._learner = SimplifiedFastGng(config.learning, config.refine, config.edges.max_samples)
         self.cloud = EdgeCloud(config.edges, intrinsics, mount, rng)
         self.network = Network(config.learning.max_nodes)
+        self._refiner = Refiner(config.refine, config.learning.max_nodes)
 
     def extract(self, image: DepthImage) -> ObjectNetwork:
         """The outlines of what `image` shows, robot frame. Raises ValueError when its size is not the camera's."""
@@ -48,7 +48,7 @@ class ObjectExtractor:
 
     def refine(self) -> None:
         """Sections 3.2.1-3.2.5."""
-        refine(self.network, self.cloud, self._config.refine)
+        self._refiner.refine(self.network, self.cloud)
 
     def objects(self) -> ObjectNetwork:
         """The network as it stands, robot frame."""

@@ -19,6 +19,7 @@ from robot_app.drivers.base import DepthImage
 from robot_app.perception import _kernels as kernels
 from robot_app.perception.config import EdgeConfig
 from robot_app.perception.curves import _kernels as curves
+from robot_app.perception.curves.tracer import CurveTracer
 from shared.geometry.camera import Intrinsics
 
 _NEAR_LIMIT = 1.2  # surfaces within this many times the least range may end where the range does
@@ -37,8 +38,8 @@ class EdgeCloud:
 
     `points`: how many points of the decimated image are in range. `edge_m`: (E, 3) float32 of which the first
     `edges` count; `edge_at`: (R, C) int32, the edge point in each cell of `stride` pixels, -1 for none.
-    `sample_m`: the sample nodes A of step 1, of which the first `samples` count; `sample_weight`: how much each is
-    preferred; `sample_curve`: a number for each connected edge.
+    `sample_m`: the sample nodes A of step 1, of which the first `samples` count; `sample_weight`, `sample_curve`,
+    `sample_detail` and what it knows of the curves are those of `CurveTracer`.
     `up`: (4,), a point's height over the floor is `up[:3] @ point + up[3]`. `lens`: fx, fy, cx, cy.
     """
 
@@ -56,9 +57,10 @@ class EdgeCloud:
         self.z = np.zeros((rows, columns), np.float32)
         self.edge_at = np.full((rows, columns), -1, np.int32)
         self.edge_m = np.zeros((rows * columns, 3), np.float32)
-        self.sample_m = np.zeros((config.max_samples, 3), np.float32)
-        self.sample_weight = np.zeros(config.max_samples, np.float32)
-        self.sample_curve = np.zeros(config.max_samples, np.int32)
+        self._tracer = tracer = CurveTracer(config, rows, columns)
+        self.sample_m, self.sample_weight = tracer.sample_m, tracer.sample_weight
+        self.sample_curve, self.sample_detail = tracer.sample_curve, tracer.sample_detail
+        self.curve_group, self.curve_extent_m, self.curve_detail = tracer.group, tracer.extent_m, tracer.detail
         self._inverse, self._bend, self._shift = np.zeros((3, rows, columns), np.float32)
         self._curve = np.zeros(rows * columns, np.int32)
         self._box_m = np.zeros((rows * columns, 6), np.float32)
@@ -175,31 +177,6 @@ class EdgeCloud:
         )
 
     def _choose_samples(self) -> None:
-        config = self._config
-        curves.label_curves(
-            self.edge_m, self.edge_at, self.edges, self.cell_width, self._curve, self._box_m, self._extent_m
-        )
-        curves.corner_scores(
-            self.edge_m,
-            self.edge_at,
-            self._extent_m,
-            config.min_curve_m,
-            self.cell_width,
-            self._score,
-            self._smooth_m,
-        )
-        self.samples = curves.choose_samples(
-            self.edge_at,
-            self._rank,
-            self._smooth_m,
-            self._score,
-            self._curve,
-            self._extent_m,
-            config.full_curve_m,
-            config.corner_gain,
-            self.cell_width / config.sample_spacing_m,
-            config.max_samples,
-            self.sample_m,
-            self.sample_weight,
-            self.sample_curve,
-        )
+        tracer = self._tracer
+        tracer.update(self.edge_m, self.edge_at, self.lens, self.stride, self.cell_width)
+        self.samples = tracer.samples

@@ -4,115 +4,157 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from robot_app.perception.config import RefineConfig
 from robot_app.perception.learner import Network
 from robot_app.perception.point_cloud import EdgeCloud
 from robot_app.perception.refinement import _kernels as kernels
 
 
-def refine(network: Network, cloud: EdgeCloud, config: RefineConfig) -> None:
-    """Turn what was learned from `cloud` into outlines worth sending."""
-    remove_ground(network, cloud, config)
-    reduce_straight(network, cloud, config, keep_near_open_m=config.loop_reach_m)
-    close_loops(network, cloud, config)
-    reduce_straight(network, cloud, config, keep_near_open_m=0.0)
-    remove_noise(network, cloud, config)
-    remove_unsupported(network, cloud, config)
-    network.drop_isolated()
+class Refiner:
+    """Turns what was learned into outlines worth sending; its memory is allocated when it is made."""
 
+    def __init__(self, config: RefineConfig, max_nodes: int) -> None:
+        self._config = config
+        self._beside = np.zeros((max_nodes, kernels.MOST), np.int32)
+        self._degree = np.zeros(max_nodes, np.int32)
+        self._angle = np.zeros(max_nodes, np.float32)
+        self._ends = np.zeros(max_nodes, np.int32)
 
-def remove_ground(network: Network, cloud: EdgeCloud, config: RefineConfig) -> None:
-    """Section 3.2.1, eqs 24 and 25.
+    def refine(self, network: Network, cloud: EdgeCloud) -> None:
+        """Work on `network`, which was learned from `cloud`."""
+        kernels.list_neighbours(network.linked, network.nodes, self._beside, self._degree)
+        self._remove_ground(network, cloud)
+        self._reduce_straight(network, cloud, keep_near_open_m=self._config.loop_reach_m)
+        self._close_loops(network, cloud)
+        self._contract_short(network, cloud)
+        self._reduce_straight(network, cloud, keep_near_open_m=0.0)
+        self._remove_noise(network, cloud)
+        self._remove_unsupported(network, cloud)
+        kernels.link_neighbours(self._beside, self._degree, network.nodes, network.linked)
+        network.drop_isolated()
 
-    The text marks nodes *without* a neighbour above or below as ground, while eq 24 read with "for all i" would mark
-    every node: the points of D are read as "there is one".
-    """
-    kernels.remove_ground(
-        network.node_m,
-        network.linked,
-        network.nodes,
-        cloud.z,
-        cloud.slope_x,
-        cloud.slope_y,
-        cloud.lens,
-        cloud.stride,
-        cloud.up,
-        config.ground_reach_m,
-        config.ground_rise_m,
-        config.ground_band_m,
-    )
-    network.drop_isolated()
+    def _remove_ground(self, network: Network, cloud: EdgeCloud) -> None:
+        """Section 3.2.1, eqs 24 and 25.
 
+        The text marks nodes *without* a neighbour above or below as ground, while eq 24 read with "for all i" would
+        mark every node: the points of D are read as "there is one".
+        """
+        config = self._config
+        kernels.remove_ground(
+            network.node_m,
+            self._beside,
+            self._degree,
+            network.nodes,
+            cloud.z,
+            cloud.slope_x,
+            cloud.slope_y,
+            cloud.lens,
+            cloud.stride,
+            cloud.up,
+            config.ground_reach_m,
+            config.ground_rise_m,
+            config.ground_band_m,
+        )
 
-def reduce_straight(network: Network, cloud: EdgeCloud, config: RefineConfig, keep_near_open_m: float) -> None:
-    """Section 3.2.2, eq 26.
+    def _reduce_straight(self, network: Network, cloud: EdgeCloud, keep_near_open_m: float) -> None:
+        """Section 3.2.2, eq 26.
 
-    The first time the nodes within `keep_near_open_m` of an open end stay, for closing loops is what they may be
-    needed for; what was kept in vain goes the second time.
-    """
-    kernels.reduce_straight(
-        network.node_m,
-        network.linked,
-        network.nodes,
-        config.straight_angle_rad,
-        config.straight_offset_m,
-        keep_near_open_m,
-        cloud.lens,
-        cloud.stride,
-        config.connection_reach_m,
-        config.connection_step_m,
-        cloud.edge_m,
-        cloud.edge_at,
-    )
-    network.drop_isolated()
+        The first time the nodes within `keep_near_open_m` of an open end stay, for closing loops is what they may be
+        needed for; what was kept in vain goes the second time.
+        """
+        config = self._config
+        kernels.reduce_straight(
+            network.node_m,
+            self._beside,
+            self._degree,
+            network.nodes,
+            config.straight_angle_rad,
+            config.straight_offset_m,
+            keep_near_open_m,
+            cloud.lens,
+            cloud.stride,
+            config.connection_reach_m,
+            config.connection_step_m,
+            cloud.edge_m,
+            cloud.edge_at,
+            self._angle,
+            self._ends,
+        )
 
+    def _close_loops(self, network: Network, cloud: EdgeCloud) -> None:
+        """Section 3.2.3, eqs 27 and 28, among nodes of curves that touch."""
+        config = self._config
+        kernels.close_loops(
+            network.node_m,
+            network.node_curve,
+            cloud.curve_group,
+            self._beside,
+            self._degree,
+            network.nodes,
+            math.degrees(config.eta_angle_per_deg),
+            config.eta_distance_per_m,
+            config.loop_reach_m,
+            cloud.lens,
+            cloud.stride,
+            config.connection_reach_m,
+            config.connection_step_m,
+            cloud.edge_m,
+            cloud.edge_at,
+        )
 
-def close_loops(network: Network, cloud: EdgeCloud, config: RefineConfig) -> None:
-    """Section 3.2.3, eqs 27 and 28."""
-    kernels.close_loops(
-        network.node_m,
-        network.node_curve,
-        network.linked,
-        network.nodes,
-        math.degrees(config.eta_angle_per_deg),
-        config.eta_distance_per_m,
-        config.loop_reach_m,
-        cloud.lens,
-        cloud.stride,
-        config.connection_reach_m,
-        config.connection_step_m,
-        cloud.edge_m,
-        cloud.edge_at,
-    )
+    def _contract_short(self, network: Network, cloud: EdgeCloud) -> None:
+        """Closing loops connects nodes however near they are; table 4 has none nearer than γ₃."""
+        config = self._config
+        kernels.contract_short(
+            network.node_m,
+            network.node_curve,
+            cloud.curve_detail,
+            self._beside,
+            self._degree,
+            network.nodes,
+            config.min_connection_m,
+            cloud.lens,
+            cloud.stride,
+            config.connection_reach_m,
+            config.connection_step_m,
+            cloud.edge_m,
+            cloud.edge_at,
+        )
 
+    def _remove_noise(self, network: Network, cloud: EdgeCloud) -> None:
+        """Section 3.2.4, eqs 29 and 30, with D the edge points: a stray one has surface around it, but no edge."""
+        config = self._config
+        kernels.remove_noise(
+            network.node_m,
+            network.node_curve,
+            cloud.curve_extent_m,
+            self._beside,
+            self._degree,
+            network.nodes,
+            config.node_reach_m,
+            config.node_support_m,
+            cloud.cell_width,
+            cloud.edge_m,
+            cloud.edges,
+        )
 
-def remove_noise(network: Network, cloud: EdgeCloud, config: RefineConfig) -> None:
-    """Section 3.2.4, eqs 29 and 30, with D the edge points: a stray edge point has surface around it, but no edge."""
-    kernels.remove_noise(
-        network.node_m,
-        network.linked,
-        network.nodes,
-        config.node_reach_m,
-        config.node_support_m,
-        cloud.cell_width,
-        cloud.edge_m,
-        cloud.edges,
-    )
+    def _remove_unsupported(self, network: Network, cloud: EdgeCloud) -> None:
+        """Section 3.2.5, eqs 31-33, at points all along the connection and with D the edge points.
 
-
-def remove_unsupported(network: Network, cloud: EdgeCloud, config: RefineConfig) -> None:
-    """Section 3.2.5, eqs 31-33, at points all along the connection and with D the edge points.
-
-    The middle alone lets a connection cross from one object to the next where a third one lies in between.
-    """
-    kernels.remove_unsupported(
-        network.node_m,
-        network.linked,
-        network.nodes,
-        cloud.lens,
-        cloud.stride,
-        config.connection_reach_m,
-        config.connection_step_m,
-        cloud.edge_m,
-        cloud.edge_at,
-    )
+        The middle alone lets a connection cross from one object to the next where a third one lies in between.
+        """
+        config = self._config
+        kernels.remove_unsupported(
+            network.node_m,
+            self._beside,
+            self._degree,
+            network.nodes,
+            cloud.lens,
+            cloud.stride,
+            config.connection_reach_m,
+            config.connection_step_m,
+            cloud.edge_m,
+            cloud.edge_at,
+        )

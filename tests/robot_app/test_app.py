@@ -7,7 +7,8 @@ from robot_app.app import RobotApp
 from robot_app.config import load_config
 from robot_app.control import _kernels as control_kernels
 from robot_app.perception import _kernels as edge_kernels
-from robot_app.perception.curves import _kernels as curve_kernels
+from robot_app.perception.curves import _kernels as crease_kernels
+from robot_app.perception.curves.tracing import _kernels as tracing_kernels
 from robot_app.perception.learners.simplified import _kernels as growth_kernels
 from robot_app.perception.network import _kernels as network_kernels
 from robot_app.perception.refinement import _kernels as refinement_kernels
@@ -23,7 +24,15 @@ from tools.simulator.world import World
 
 def compiled() -> dict[str, int]:
     """How many versions of each kernel of the robot there are."""
-    modules = (control_kernels, edge_kernels, curve_kernels, growth_kernels, network_kernels, refinement_kernels)
+    modules = (
+        control_kernels,
+        edge_kernels,
+        crease_kernels,
+        tracing_kernels,
+        growth_kernels,
+        network_kernels,
+        refinement_kernels,
+    )
     return {
         f"{module.__name__}.{name}": len(kernel.signatures)
         for module in modules

@@ -1,1 +1,1 @@
-"""Kernels that find creases and join edge points to curves."""
+"""Creases, and the curves that edge points lie on."""

@@ -1,4 +1,9 @@
-"""Kernels of the post-processing (sections 3.2.1-3.2.5); arguments as in `network._kernels`."""
+"""Kernels of the post-processing (sections 3.2.1-3.2.5); arguments as in `network._kernels`, and
+
+beside: (N, MOST) int32, the nodes that each is connected to, of which the first `degree` (N,) int32 count.
+curve_group: (K,) int32, the same number for edge curves that touch. curve_extent_m: (K,) float32, how large each is.
+curve_detail: (K,) float32, by how much shorter than those of table 3 its connections may be.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +13,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from robot_app.perception.network._kernels import angle_at, degree, is_supported, separation, set_link, two_neighbours
+from robot_app.perception.network._kernels import angle_at, is_supported, separation
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 U8 = NDArray[np.uint8]
+
+MOST = 8  # connections of a node; more are not kept
 
 
 @njit(nogil=True, cache=True)
@@ -57,9 +64,70 @@ def is_ground(
 
 
 @njit(nogil=True, cache=True)
+def list_neighbours(linked: U8, nodes: int, beside: I32, degree: I32) -> None:
+    """Fill `beside` and `degree` from `linked`."""
+    for a in range(nodes):
+        degree[a] = 0
+    for a in range(nodes):
+        for b in range(a + 1, nodes):
+            if linked[a, b] == 1:
+                connect(beside, degree, a, b)
+
+
+@njit(nogil=True, cache=True)
+def link_neighbours(beside: I32, degree: I32, nodes: int, linked: U8) -> None:
+    """Fill `linked` from `beside` and `degree`."""
+    for a in range(nodes):
+        for b in range(nodes):
+            linked[a, b] = 0
+    for a in range(nodes):
+        for slot in range(degree[a]):
+            linked[a, beside[a, slot]] = 1
+
+
+@njit(nogil=True, cache=True)
+def are_connected(beside: I32, degree: I32, a: int, b: int) -> bool:
+    found = False
+    for slot in range(degree[a]):
+        found |= beside[a, slot] == b
+    return found
+
+
+@njit(nogil=True, cache=True)
+def connect(beside: I32, degree: I32, a: int, b: int) -> None:
+    if degree[a] < MOST and degree[b] < MOST:
+        beside[a, degree[a]], beside[b, degree[b]] = b, a
+        degree[a] += 1
+        degree[b] += 1
+
+
+@njit(nogil=True, cache=True)
+def _forget(beside: I32, degree: I32, a: int, b: int) -> None:
+    for slot in range(degree[a]):
+        if beside[a, slot] == b:
+            degree[a] -= 1
+            beside[a, slot] = beside[a, degree[a]]
+            return
+
+
+@njit(nogil=True, cache=True)
+def disconnect(beside: I32, degree: I32, a: int, b: int) -> None:
+    _forget(beside, degree, a, b)
+    _forget(beside, degree, b, a)
+
+
+@njit(nogil=True, cache=True)
+def isolate(beside: I32, degree: I32, a: int) -> None:
+    """Take all connections of a node away."""
+    while degree[a] > 0:
+        disconnect(beside, degree, a, beside[a, 0])
+
+
+@njit(nogil=True, cache=True)
 def remove_ground(
     node_m: F32,
-    linked: U8,
+    beside: I32,
+    degree: I32,
     nodes: int,
     z: F32,
     slope_x: F32,
@@ -75,22 +143,42 @@ def remove_ground(
     for a in range(nodes):
         height = up[0] * node_m[a, 0] + up[1] * node_m[a, 1] + up[2] * node_m[a, 2] + up[3]
         if height < band_m and is_ground(node_m, a, z, slope_x, slope_y, lens, stride, up, reach_m, rise_m):
-            linked[a, :nodes] = 0
-            linked[:nodes, a] = 0
+            isolate(beside, degree, a)
 
 
 @njit(nogil=True, cache=True)
-def _open_end_near(node_m: F32, linked: U8, nodes: int, v: int, a: int, b: int, reach_m: float) -> bool:
-    for k in range(nodes):
-        if k not in (v, a, b) and degree(linked, nodes, k) == 1 and separation(node_m, v, node_m, k) < reach_m:
+def _open_end_near(node_m: F32, v: int, a: int, b: int, ends: I32, count: int, reach_m: float) -> bool:
+    for k in range(count):
+        end = ends[k]
+        if end not in (a, b) and separation(node_m, v, node_m, end) < reach_m:
             return True
     return False
 
 
 @njit(nogil=True, cache=True)
+def _straightness(
+    node_m: F32, beside: I32, degree: I32, v: int, angle_rad: float, stride: int, lens: F64, slack_m: float
+) -> float:
+    """The angle at node v if that may be removed, 0 otherwise.
+
+    What bends less than three quarters of a cell is straight whatever its angle: the camera does not see more.
+    """
+    if degree[v] != 2:
+        return 0.0
+    a, b = beside[v, 0], beside[v, 1]
+    angle = angle_at(node_m, a, v, b)
+    fine_m = 0.75 * stride * node_m[v, 2] / lens[0]
+    off_m = offset_m(node_m, a, v, b)
+    if (angle > angle_rad or off_m < fine_m) and off_m <= max(slack_m, fine_m):
+        return angle
+    return 0.0
+
+
+@njit(nogil=True, cache=True)
 def reduce_straight(
     node_m: F32,
-    linked: U8,
+    beside: I32,
+    degree: I32,
     nodes: int,
     angle_rad: float,
     slack_m: float,
@@ -101,43 +189,50 @@ def reduce_straight(
     step_m: float,
     edge_m: F32,
     edge_at: I32,
+    angle: F32,
+    ends: I32,
 ) -> None:
     """Section 3.2.2: takes nodes out of straight connections, the straightest one first.
 
-    What bends less than three quarters of a cell is straight whatever its angle: the camera does not see more. A node
-    stays when an open end may still need it, or when the longer connection would leave the edge points.
+    A node stays when an open end may still need it, or when the longer connection would leave the edge points.
+    `angle`: (N,), `ends`: (N,) room to work in.
     """
-    kept = np.zeros(nodes, np.uint8)
+    count = 0
+    for v in range(nodes):
+        if degree[v] == 1:
+            ends[count] = v
+            count += 1
+    for v in range(nodes):
+        angle[v] = _straightness(node_m, beside, degree, v, angle_rad, stride, lens, slack_m)
     while True:
-        best, best_angle, best_slack_m = -1, 0.0, 0.0
-        for v in range(nodes):
-            if kept[v] == 1 or degree(linked, nodes, v) != 2:
-                continue
-            a, b = two_neighbours(linked, nodes, v)
-            angle = angle_at(node_m, a, v, b)
-            fine_m = 0.75 * stride * node_m[v, 2] / lens[0]
-            if linked[a, b] == 0 and angle > best_angle and (angle > angle_rad or offset_m(node_m, a, v, b) < fine_m):
-                best, best_angle, best_slack_m = v, angle, max(slack_m, fine_m)
-        if best < 0:
+        v, best = -1, 0.0
+        for k in range(nodes):
+            if angle[k] > best:
+                v, best = k, angle[k]
+        if v < 0:
             return
-        a, b = two_neighbours(linked, nodes, best)
+        angle[v] = 0.0
+        a, b = beside[v, 0], beside[v, 1]
         if (
-            offset_m(node_m, a, best, b) > best_slack_m
-            or _open_end_near(node_m, linked, nodes, best, a, b, loop_reach_m)
+            are_connected(beside, degree, a, b)
+            or (loop_reach_m > 0.0 and _open_end_near(node_m, v, a, b, ends, count, loop_reach_m))
             or not is_supported(node_m, a, b, lens, stride, reach_m, step_m, edge_m, edge_at)
         ):
-            kept[best] = 1
             continue
-        set_link(linked, a, best, 0)
-        set_link(linked, best, b, 0)
-        set_link(linked, a, b, 1)
+        isolate(beside, degree, v)
+        connect(beside, degree, a, b)
+        for k in (a, b):
+            if angle[k] > 0.0:
+                angle[k] = _straightness(node_m, beside, degree, k, angle_rad, stride, lens, slack_m)
 
 
 @njit(nogil=True, cache=True)
 def close_loops(
     node_m: F32,
     node_curve: I32,
-    linked: U8,
+    curve_group: I32,
+    beside: I32,
+    degree: I32,
     nodes: int,
     eta_angle_per_rad: float,
     eta_distance_per_m: float,
@@ -151,12 +246,12 @@ def close_loops(
 ) -> None:
     """Section 3.2.3: connects each open end to the node with the highest P_open (eqs 27 and 28) that edges lead to."""
     for v in range(nodes):
-        if degree(linked, nodes, v) != 1:
+        if degree[v] != 1:
             continue
-        a, _ = two_neighbours(linked, nodes, v)
+        a, group = beside[v, 0], curve_group[node_curve[v]]
         best, best_value = -1, -1e9
         for k in range(nodes):
-            if k in (v, a) or degree(linked, nodes, k) == 0 or node_curve[k] != node_curve[v]:
+            if k == v or degree[k] == 0 or curve_group[node_curve[k]] != group or are_connected(beside, degree, v, k):
                 continue
             distance = separation(node_m, v, node_m, k)
             if distance > loop_reach_m:
@@ -171,15 +266,82 @@ def close_loops(
             ):
                 best, best_value = k, value
         if best >= 0:
-            set_link(linked, v, best, 1)
+            connect(beside, degree, v, best)
+
+
+@njit(nogil=True, cache=True)
+def _loss(node_m: F32, beside: I32, degree: I32, a: int, b: int) -> float:
+    """What is lost when node a goes and the others connected to it are connected to b, m."""
+    if degree[a] == 1:
+        return separation(node_m, a, node_m, b)
+    if degree[a] != 2:
+        return 1e9
+    other = beside[a, 0] if beside[a, 0] != b else beside[a, 1]
+    return offset_m(node_m, other, a, b)
+
+
+@njit(nogil=True, cache=True)
+def contract_short(
+    node_m: F32,
+    node_curve: I32,
+    curve_detail: F32,
+    beside: I32,
+    degree: I32,
+    nodes: int,
+    min_length_m: float,
+    lens: F64,
+    stride: int,
+    reach_m: float,
+    step_m: float,
+    edge_m: F32,
+    edge_at: I32,
+) -> None:
+    """Makes one node of two that are connected over less than the least length; the one that matters less goes."""
+    for first in range(nodes):
+        slot = 0
+        while slot < degree[first]:
+            a, b = first, beside[first, slot]
+            slot += 1
+            if separation(node_m, a, node_m, b) >= 0.99 * min_length_m / curve_detail[node_curve[a]]:
+                continue
+            if _loss(node_m, beside, degree, b, a) < _loss(node_m, beside, degree, a, b):
+                a, b = b, a
+            if degree[a] > 2:
+                continue
+            other = -1
+            if degree[a] == 2:
+                other = beside[a, 0] if beside[a, 0] != b else beside[a, 1]
+                if not are_connected(beside, degree, other, b) and not is_supported(
+                    node_m, other, b, lens, stride, reach_m, step_m, edge_m, edge_at
+                ):
+                    continue
+            isolate(beside, degree, a)
+            if other >= 0 and not are_connected(beside, degree, other, b):
+                connect(beside, degree, other, b)
+            slot = 0
 
 
 @njit(nogil=True, cache=True)
 def remove_noise(
-    node_m: F32, linked: U8, nodes: int, reach_m: float, support_m: float, cell_width: float, edge_m: F32, edges: int
+    node_m: F32,
+    node_curve: I32,
+    curve_extent_m: F32,
+    beside: I32,
+    degree: I32,
+    nodes: int,
+    reach_m: float,
+    support_m: float,
+    cell_width: float,
+    edge_m: F32,
+    edges: int,
 ) -> None:
-    """Section 3.2.4: disconnects nodes with too short a piece of edge around them (eqs 29 and 30)."""
+    """Section 3.2.4: disconnects nodes with too short a piece of edge around them (eqs 29 and 30).
+
+    A curve that is larger than that piece is enough by itself.
+    """
     for a in range(nodes):
+        if degree[a] == 0 or curve_extent_m[node_curve[a]] >= support_m:
+            continue
         length = 0.0
         for i in range(edges):
             if (
@@ -191,14 +353,14 @@ def remove_noise(
                 if length >= support_m:
                     break
         if length < support_m:
-            linked[a, :nodes] = 0
-            linked[:nodes, a] = 0
+            isolate(beside, degree, a)
 
 
 @njit(nogil=True, cache=True)
 def remove_unsupported(
     node_m: F32,
-    linked: U8,
+    beside: I32,
+    degree: I32,
     nodes: int,
     lens: F64,
     stride: int,
@@ -209,6 +371,10 @@ def remove_unsupported(
 ) -> None:
     """Section 3.2.5: connections through free air go."""
     for a in range(nodes):
-        for b in range(a + 1, nodes):
-            if linked[a, b] == 1 and not is_supported(node_m, a, b, lens, stride, reach_m, step_m, edge_m, edge_at):
-                set_link(linked, a, b, 0)
+        slot = 0
+        while slot < degree[a]:
+            b = beside[a, slot]
+            if b > a and not is_supported(node_m, a, b, lens, stride, reach_m, step_m, edge_m, edge_at):
+                disconnect(beside, degree, a, b)
+            else:
+                slot += 1

