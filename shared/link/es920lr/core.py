@@ -169,6 +169,7 @@ class Es920lrCore:
         return self._next_handle
 
     def feed(self, data: bytes, now_s: float) -> None:
+        """Bytes have come. Call `tick` only when there are no more: a reply may be waiting behind them."""
         if self._dialogue is not None:
             self._talk(self._dialogue, data, now_s)
         else:
@@ -176,17 +177,18 @@ class Es920lrCore:
             for utterance in self._parser.feed(data, now_s):
                 self._understand(utterance, now_s)
             self.statistics.dropped_bytes += self._parser.dropped_bytes - before
-        self.tick(now_s)
 
     def tick(self, now_s: float) -> None:
+        """Nothing more has come by now."""
+        if self._dialogue is None:
+            for utterance in self._parser.expire(now_s):
+                self._understand(utterance, now_s)
         if self._dialogue is not None:
             self._talk(self._dialogue, b"", now_s)
         elif self._retry_at_s is not None:
             if now_s >= self._retry_at_s:
                 self._open_dialogue(now_s)
         else:
-            for utterance in self._parser.expire(now_s):
-                self._understand(utterance, now_s)
             if self._sending is not None and now_s >= self._sending.deadline_s:
                 self._lose(now_s, "the module does not answer", Failure.NO_REPLY)
             self._send_next(now_s)
@@ -195,12 +197,14 @@ class Es920lrCore:
         """When `tick` is due without any bytes; infinite when nothing is waited for."""
         if self._dialogue is not None:
             return self._dialogue.deadline_s
+        due_s = [self._parser.deadline_s]
         if self._retry_at_s is not None:
-            return self._retry_at_s
-        due_s = [self._sending.deadline_s] if self._sending is not None else []
+            due_s.append(self._retry_at_s)
+        if self._sending is not None:
+            due_s.append(self._sending.deadline_s)
         if self._next is not None:
             due_s.append(self._next_step_s(self._next))
-        return min((max(at_s, now_s) for at_s in due_s), default=math.inf)
+        return max(now_s, min(due_s))
 
     def take_steps(self) -> list[Step]:
         steps, self._steps = self._steps, []

@@ -75,7 +75,6 @@ class Es920lr:
     def poll(self, timeout_s: float) -> list[Event]:
         """What has happened, as soon as anything has; empty when nothing did in time. Raises `LinkError`."""
         until_s = self._clock.now_s() + timeout_s
-        self._core.tick(self._clock.now_s())
         while True:
             self._carry_out()
             now_s = self._clock.now_s()

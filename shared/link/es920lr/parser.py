@@ -5,14 +5,15 @@ With the binary format, RSSI and sender switched on, each thing it says is unmis
     0x02 "OK"                                     the packet is out
     0x06 "NG nnn"                                 it is not
     length 13..62, then 12 hex digits, payload    a packet came in: RSSI, PAN, sender
-    CR LF                                         it has just begun to operate
-    "Select Mode [...]" CR LF                     it has restarted and asks what to do
+    CR LF, then nothing for a moment              it has just begun to operate
+    CR LF "Select Mode [...]" CR LF               it has restarted and asks what to do
 
 Bytes that are nothing of these are counted and dropped, one at a time, until something fits again.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from shared.link.es920lr.airtime import MAX_PAYLOAD_BYTES
@@ -20,10 +21,12 @@ from shared.link.es920lr.airtime import MAX_PAYLOAD_BYTES
 MODE_QUESTION = b"Select Mode [1.terminal or 2.processor]\r\n"
 PREFIX_BYTES = 12  # RSSI, PAN and sender, 4 hex digits each
 HALF_FRAME_S = 0.5  # after this much silence the rest of a frame does not come any more
+_MOMENT_S = 0.1  # a question comes right after its empty line
 _LONGEST = PREFIX_BYTES + MAX_PAYLOAD_BYTES
 _OK = b"\x02OK"
 _REFUSED = b"\x06NG "
 _STARTED = b"\r\n"
+_ASKS = _STARTED + MODE_QUESTION
 _HEX = frozenset(b"0123456789ABCDEFabcdef")
 _RSSI = _HEX | frozenset(b"+- ")  # some firmware writes it as a decimal number
 
@@ -66,25 +69,33 @@ class OperationParser:
         self._last_byte_s = 0.0
         self.dropped_bytes = 0
 
+    @property
+    def deadline_s(self) -> float:
+        """When `expire` is due if nothing more comes; infinite when nothing is half said."""
+        if not self._buffer:
+            return math.inf
+        return self._last_byte_s + (_MOMENT_S if self._buffer == _STARTED else HALF_FRAME_S)
+
     def feed(self, data: bytes, now_s: float) -> list[Utterance]:
         """All that `data` completes."""
-        if not data:
-            return []
-        heard = self.expire(now_s)
-        self._last_byte_s = now_s
+        heard: list[Utterance] = []
+        if data:
+            self._last_byte_s = now_s
         for start in range(0, len(data), _LONGEST):
             self._buffer += data[start : start + _LONGEST]
             heard += self._take()
         return heard
 
     def expire(self, now_s: float) -> list[Utterance]:
-        """Give up the half frame that has waited too long; what follows its first byte may still be something."""
+        """Nothing more has come by now: give up what has been half said for too long, and look through its rest."""
         heard: list[Utterance] = []
-        if now_s - self._last_byte_s < HALF_FRAME_S:
-            return heard
-        while self._buffer:
-            self._drop(1)
-            heard += self._take()
+        while now_s >= self.deadline_s:
+            if self._buffer == _STARTED:
+                self._buffer.clear()
+                heard.append(Started())
+            else:
+                self._drop(1)
+                heard += self._take()
         return heard
 
     def clear(self) -> None:
@@ -115,10 +126,10 @@ def _needed_bytes(buffer: bytearray) -> int:
     """The length of what the buffer begins with; 0 when that can be nothing."""
     first = buffer[0]
     if PREFIX_BYTES < first <= _LONGEST:
-        if first == _STARTED[0] and buffer[1:2] == _STARTED[1:]:
-            return len(_STARTED)
+        if buffer.startswith(_STARTED):
+            return len(_ASKS) if _ASKS.startswith(buffer[: len(_ASKS)]) else len(_STARTED)
         return 1 + first if _is_prefix(buffer) else 0
-    for text, length in ((_OK, len(_OK)), (_REFUSED, 1 + _REFUSED[0]), (MODE_QUESTION, len(MODE_QUESTION))):
+    for text, length in ((_OK, len(_OK)), (_REFUSED, 1 + _REFUSED[0])):
         if text.startswith(buffer[: len(text)]):
             return length
     return 0
@@ -132,7 +143,7 @@ def _is_prefix(buffer: bytearray) -> bool:
 def _parsed(frame: bytes) -> Utterance | None:
     if frame == _STARTED:
         return Started()
-    if frame == MODE_QUESTION:
+    if frame == _ASKS:
         return AsksForMode()
     if frame == _OK:
         return Reply(None)

@@ -79,6 +79,7 @@ def find(baud_rates: tuple[int, ...] = ()) -> Procedure[Found]:
         mode = yield from _recognise(baud_rate)
         if mode is not None:
             return Found(mode, baud_rate)
+        yield Ask(b"", Wait.QUIET, _HALF_FRAME_S - _ANSWER_S)  # what it took for the beginning of a frame is forgotten
     raise DialogueError("no answer at any baud rate. Is the module powered, and are RX and TX the right way round?")
 
 
