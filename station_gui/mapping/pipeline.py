@@ -12,7 +12,7 @@ from station_gui.mapping.objects.combine import CombineConfig, ObjectCombiner
 from station_gui.mapping.saved_map import SavedMap
 from station_gui.mapping.scan import to_points
 from station_gui.mapping.slam2d.base import MappingError, SessionSlam
-from station_gui.mapping.snapshot import MapSnapshot, Tracking
+from station_gui.mapping.snapshot import KNOWN_PLACE, MapSnapshot, Tracking
 
 MakeSlam = Callable[[SavedMap | None, bool], SessionSlam]  # from a map to begin with, and whether it is not to change
 
@@ -92,7 +92,7 @@ class MappingPipeline:
         self._map_from_robot = self._slam.add(to_points(observation))
         self._boot_id, self._sequence = observation.boot_id, observation.sequence
         self._slam_s = stopwatch_s() - began_s
-        if observation.has_objects and self.tracking in {Tracking.LOCATED, Tracking.APART}:
+        if observation.has_objects and self.tracking in KNOWN_PLACE:
             self._combiner.add(self._observations, self._map_from_robot, observation.objects)
         self._observations += 1
         self._stamp_s = observation.stamp_s

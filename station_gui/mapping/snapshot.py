@@ -55,6 +55,9 @@ class Tracking(IntEnum):
     APART = 3  # a new piece of map has begun, which hangs on the old one by odometry alone
 
 
+KNOWN_PLACE = frozenset({Tracking.LOCATED, Tracking.APART})
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class MapSnapshot:
     """The state of the map after one observation.
@@ -77,3 +80,8 @@ class MapSnapshot:
     tracking: Tracking = Tracking.LOCATED
     places: int = 0  # of the map that may be where the robot is, while it is searched for
     fixed: bool = False  # the map was given and is not changed
+
+    @property
+    def located(self) -> bool:
+        """Whether `map_from_robot` is to be believed, in the whole map or in its newest piece."""
+        return self.tracking in KNOWN_PLACE

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.geometry.se2 import Pose2
-from shared.messages import Command, GoTo, MissionState, Telemetry
+from shared.messages import Command, Drive, GoTo, MissionState, Telemetry
 from station_gui.mapping.snapshot import MapSnapshot
 from station_gui.model.journal import Journal
 from station_gui.model.view import Severity
@@ -78,6 +78,9 @@ class GoalKeeper:
         if telemetry.state is not MissionState.COMMAND:
             self._journal.add(Severity.WARNING, "go to is possible once the observation has finished")
             return
+        if not snapshot.located:
+            self._journal.add(Severity.WARNING, "go to is possible once the robot's place in the map is known")
+            return
         self._goal, self._plan, self._tries = goal, None, 0
         self._goal_id += 1
         self._plan_and_send(snapshot, telemetry)
@@ -85,6 +88,11 @@ class GoalKeeper:
     def _follow_up(self, snapshot: MapSnapshot, telemetry: Telemetry) -> None:
         if telemetry.state is not MissionState.COMMAND:
             self.forget()
+            return
+        if not snapshot.located:
+            self._journal.add(Severity.WARNING, "goal given up: the robot's place in the map is no longer known")
+            self.forget()
+            self._send(Drive(0.0, 0.0))  # whoever takes the wheel ends the path
             return
         now_s = telemetry.stamp_s
         if telemetry.following_goal == self._goal_id:

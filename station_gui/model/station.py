@@ -30,10 +30,11 @@ from shared.runtime.runner import OnFault, Row, Task
 from station_gui.comms.session import Session, SessionConfig
 from station_gui.mapping.pipeline import MappingPipeline
 from station_gui.mapping.slam2d.base import MappingError
-from station_gui.mapping.snapshot import MapSnapshot
+from station_gui.mapping.snapshot import MapSnapshot, Tracking
 from station_gui.model.figures import MissionFigures, RateMeter
 from station_gui.model.goal import GoalKeeper
 from station_gui.model.journal import Journal
+from station_gui.model.map_files import MapFiles
 from station_gui.model.view import LinkFigures, LogEntry, OperatorView, Severity
 from station_gui.planning.path_planner import PathPlanner
 
@@ -75,6 +76,7 @@ class Station:
         self._session = Session(session, clock, self, first_command, self._operator_is_there)
         self._goals = GoalKeeper(planner, self._send, self._journal)
         self._pipeline = make_pipeline()
+        self._map_files = MapFiles(self._journal)
         self._queue: deque[Observation] = deque(maxlen=_QUEUE)
         self._queue_lock = threading.Lock()
         self._recorder: Recorder | None = None
@@ -111,11 +113,15 @@ class Station:
     def step_mapping(self) -> None:
         """Map what is waiting, then publish one snapshot."""
         done = 0
+        if self._map_files.step(self._pipeline):
+            self._goals.forget()
+            done += 1
         while done < _OBSERVATIONS_PER_STEP and (observation := self._next_observation()) is not None:
             self._map(observation)
             done += 1
         if done:
             self._snapshot = self._pipeline.snapshot()
+            self._map_files.tell(self._snapshot.tracking)
 
     def finish_mapping(self) -> MapSnapshot | None:
         """Map everything that came and put the last touch to it; call it after the tasks have ended."""
@@ -186,6 +192,12 @@ class Station:
             self._journal.add(Severity.WARNING, "a goal needs a place on the map")
             return
         self._goals.ask(x_m, y_m)
+
+    def save_map(self, path: Path) -> None:
+        self._map_files.save(path)
+
+    def open_map(self, path: Path, *, localise: bool) -> None:
+        self._map_files.open(path, fixed=localise)
 
     def drive(self, speed_mps: float, steering_rad: float) -> None:
         if not (math.isfinite(speed_mps) and math.isfinite(steering_rad)):
@@ -291,8 +303,12 @@ class Station:
         self._mapping_fault = False
         self._observation = observation
         if self._pipeline.maps_begun != begun:
-            self._journal.add(Severity.WARNING, "another robot, or the same one started again: a new map begins")
+            self._journal.add(Severity.WARNING, f"another robot, or the same one started again: {self._beginning()}")
             self._goals.forget()
+
+    def _beginning(self) -> str:
+        located = self._pipeline.tracking is Tracking.LOCATED
+        return "a new map begins" if located else "it has to be found in the map"
 
     def _link_figures(self, now_s: float) -> LinkFigures:
         return LinkFigures(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -67,6 +68,14 @@ class Operator(Protocol):
     def emergency_stop(self) -> None: ...
     def go_to(self, x_m: float, y_m: float) -> None:
         """Plan to this point of the map and send the robot there; a refusal is logged with its reason."""
+        ...
+
+    def save_map(self, path: Path) -> None:
+        """Write the present map to this file."""
+        ...
+
+    def open_map(self, path: Path, *, localise: bool) -> None:
+        """Forget the present map for the one in this file: to go on with, or only to localise in."""
         ...
 
     def drive(self, speed_mps: float, steering_rad: float) -> None:

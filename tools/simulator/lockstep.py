@@ -12,6 +12,7 @@ import numpy as np
 
 from robot_app.app import RobotApp
 from robot_app.config import RobotConfig
+from shared.geometry.se2 import Pose2
 from shared.link.base import Link, LinkError
 from shared.link.loopback import LoopbackLink, loopback_pair
 from shared.runtime.clock import ManualClock
@@ -73,6 +74,10 @@ class Lockstep:
 
     def run(self, seconds: float) -> None:
         self._runner.run_until(self.clock.now_s() + seconds)
+
+    def carry_robot(self, room_from_robot: Pose2) -> None:
+        """Somebody puts the robot down somewhere else; it feels nothing of it."""
+        self.world.place(room_from_robot)
 
     def cut_link(self) -> None:
         """The link goes dead and cannot be made again until `mend_link`."""
