@@ -55,7 +55,7 @@ class Places:
             self._places.move_to_end(node)
             self._in_use = self._places[node]
             return self._in_use
-        self._in_use = place = Place(self._blank_map())
+        self._in_use = place = Place(self._any_map())
         self._places[node] = place
         reach = self._config.neighbours
         waiting = [
@@ -85,13 +85,18 @@ class Places:
             place.pyramid = pyramid
         return place.pyramid
 
-    def _blank_map(self) -> LocalMap:
-        """One that is not needed any more, that of the place not needed for longest, or a new one."""
+    def _any_map(self) -> LocalMap:
+        """To be cleared: one not needed any more, that of the place not needed for longest, or a new one."""
         if self._spare:
             return self._spare.pop()
         if len(self._places) >= self._config.cached_places:
             return self._places.popitem(last=False)[1].local_map
         config = self._map_config
         return LocalMap(
-            config.size_m, config.cell_m, config.reach_cells, self._config.max_place_surfels, config.max_count
+            config.size_m,
+            config.cell_m,
+            config.reach_cells,
+            self._config.max_place_surfels,
+            config.max_count,
+            blank=False,
         )

@@ -68,16 +68,19 @@ class GraphUpkeep:
         return self._note_moves()
 
     def _search(self) -> None:
-        if self._looking is None:
-            self._looking = self._closer.look(self._graph, self._by_node, self._waiting.popleft())
-        self._closer.share.begin(self._loops.units_per_step)
-        try:
-            closure = next(self._looking)
-        except StopIteration:
-            self._looking = None
-            return
-        if closure is not None:
-            self._judge(closure)
+        share = self._closer.share
+        share.begin(self._loops.units_per_step)
+        while share.left > 0 and (self._looking is not None or self._waiting):
+            if self._looking is None:
+                self._looking = self._closer.look(self._graph, self._by_node, self._waiting.popleft())
+            share.take(1)  # so that nodes with nothing to look for come to an end too
+            try:
+                closure = next(self._looking)
+            except StopIteration:
+                self._looking = None
+                continue
+            if closure is not None:
+                self._judge(closure)
 
     def _judge(self, closure: Closure) -> None:
         """What agrees with the graph is believed; what does not needs a second closure that says the same."""

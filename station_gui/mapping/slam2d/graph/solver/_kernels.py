@@ -26,7 +26,9 @@ STAMP = 5
 FAILED = 6  # a pivot was not positive
 NO_ROOM = 7  # a pool is full: enlarge it and call again
 
-_EDGE_COST = 4
+_EDGE_COST = 16
+_MERGE_COST = 16
+_SLOT_COST = 4
 _COLUMN_COST = 4
 
 
@@ -35,7 +37,7 @@ def begin_lists(
     nodes: int, start: IndexArray, length: IndexArray, room: IndexArray, first_room: int, state: State, budget: int
 ) -> int:
     """Give the nodes from `state[AT]` on an empty list of neighbours each."""
-    last = min(nodes, state[AT] + 4 * budget)
+    last = min(nodes, state[AT] + budget)
     done = last - state[AT]
     for k in range(state[AT], last):
         start[k] = k * first_room
@@ -43,7 +45,7 @@ def begin_lists(
         room[k] = first_room
     state[AT] = last
     state[POOL] = nodes * first_room
-    return int(done // 4 + 1)
+    return int(done + 1)
 
 
 @njit(nogil=True, cache=True)
@@ -78,7 +80,7 @@ def list_neighbours(
     while state[AT] < edges and work < budget:
         a = ends[state[AT], 0] - 1
         b = ends[state[AT], 1] - 1
-        work += 1
+        work += _EDGE_COST
         if a >= 0 and b >= 0 and a != b:
             if state[POOL] + 2 * (room[a] + room[b]) > pool.shape[0]:
                 state[NO_ROOM] = 1
@@ -88,7 +90,7 @@ def list_neighbours(
             known = False
             for k in range(start[shorter], start[shorter] + length[shorter]):
                 known = known or pool[k] == other
-            work += length[shorter] // 8
+            work += length[shorter]
             if not known:
                 _append(a, b, start, length, room, pool, state)
                 _append(b, a, start, length, room, pool, state)
@@ -136,9 +138,8 @@ def sort_by_degree(
         else:
             _push(2 * nodes - 1 - k, length[2 * nodes - 1 - k], head, after, before)
         state[AT] += 1
-        if state[AT] % 4 == 0:
-            work += 1
-    return work + 1
+        work += 2
+    return work
 
 
 @njit(nogil=True, cache=True)
@@ -193,7 +194,7 @@ def eliminate(
             if state[POOL] + 2 * grown > pool.shape[0]:
                 state[NO_ROOM] = 1
                 return work
-            work += 1 + (length[node] + last - first) // 16
+            work += _MERGE_COST + length[node] + last - first
             _join_clique(node, pivot, first, last, start, length, room, pool, head, after, before, mark, rows, state)
             state[INNER] += 1
         if first + state[INNER] == last:
@@ -290,7 +291,7 @@ def find_slots(
                     high = middle
             slots[state[AT]] = low
         state[AT] += 1
-        work += _EDGE_COST
+        work += _SLOT_COST
     return work
 
 
