@@ -29,16 +29,21 @@ def to_points(observation: Observation) -> PointScan:
     geometry = observation.geometry
     ranges = observation.ranges_m.astype(np.float64)
     valid = (ranges >= geometry.range_min_m) & (ranges <= geometry.range_max_m)  # NaN compares false
-    angles = geometry.angles_rad(len(ranges))[valid]
-    ranges = ranges[valid]
-    in_scanner = np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles)))
-    in_robot = geometry.robot_from_scanner.apply(in_scanner)
-    late_s = geometry.beam_interval_s * np.flatnonzero(valid).astype(np.float64)
+    beams = np.flatnonzero(valid)
+    angles = geometry.angles_rad(len(ranges))[beams]
+    ranges = ranges[beams]
+    points = np.empty((len(beams), 2))
+    np.multiply(ranges, np.cos(angles), out=points[:, 0])
+    np.multiply(ranges, np.sin(angles), out=points[:, 1])
+    points = geometry.robot_from_scanner.apply(points)
+    if geometry.beam_interval_s != 0.0:
+        late_s = geometry.beam_interval_s * beams.astype(np.float64)
+        points = _undo_motion(points, late_s, observation.speed_mps, observation.yaw_rate_radps)
     return PointScan(
         observation.stamp_s,
         observation.odom_from_robot,
         np.array([geometry.robot_from_scanner.x_m, geometry.robot_from_scanner.y_m]),
-        _undo_motion(in_robot, late_s, observation.speed_mps, observation.yaw_rate_radps),
+        points,
     )
 
 

@@ -98,9 +98,8 @@ class LocalMapBuilder:
             for keyframe in reversed(keyframes):
                 if self._share.left <= 0:
                     yield
-                scan = keyframe.lines()
                 pose = compose(window_from_node, keyframe.in_node)
-                self._share.take(self._back.insert(scan.points_m, scan.normals, pose))
+                self._share.take(self._back.insert(keyframe.points_m, keyframe.normals, pose))
 
     def _new_window(self) -> LocalMap:
         c = self._config

@@ -35,7 +35,7 @@ class Places:
         self._matcher = matcher
         self._share = share
         self._places: OrderedDict[int, Place] = OrderedDict()
-        self._spare: list[LocalMap] = []
+        self._spare = [self._new_map() for _ in range(config.cached_places)]  # now, when nobody waits
         self._in_use: Place | None = None
 
     def forget(self) -> None:
@@ -67,9 +67,8 @@ class Places:
             for keyframe in keyframes:
                 if self._share.left <= 0:
                     yield
-                scan = keyframe.lines()
                 pose = compose(node_from_k, keyframe.in_node)
-                self._share.take(place.local_map.insert(scan.points_m, scan.normals, pose))
+                self._share.take(place.local_map.insert(keyframe.points_m, keyframe.normals, pose))
         return place
 
     def raise_pyramid(self, place: Place) -> Generator[None, None, Pyramid]:
@@ -91,12 +90,10 @@ class Places:
             return self._spare.pop()
         if len(self._places) >= self._config.cached_places:
             return self._places.popitem(last=False)[1].local_map
+        return self._new_map()
+
+    def _new_map(self) -> LocalMap:
         config = self._map_config
         return LocalMap(
-            config.size_m,
-            config.cell_m,
-            config.reach_cells,
-            self._config.max_place_surfels,
-            config.max_count,
-            blank=False,
+            config.size_m, config.cell_m, config.reach_cells, self._config.max_place_surfels, config.max_count
         )

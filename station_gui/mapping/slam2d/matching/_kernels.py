@@ -67,14 +67,41 @@ def scan_normals(
 
 
 @njit(nogil=True, cache=True)
+def scan_lines(
+    points: FloatArray,
+    origin: FloatArray,
+    half_window: int,
+    max_gap_m: float,
+    max_rms_m: float,
+    max_lonely_m: float,
+    useful: FloatArray,
+    normals: FloatArray,
+) -> int:
+    """The points that lie on a line or next to a neighbour, and their normals as by `scan_normals`; how many."""
+    scan_normals(points, origin, half_window, max_gap_m, max_rms_m, normals)
+    last = points.shape[0] - 1
+    count = 0
+    for i in range(points.shape[0]):
+        if normals[i, 0] == 0.0 and normals[i, 1] == 0.0:
+            near = i > 0 and _gap(points, i - 1, i) < max_lonely_m
+            if not near and not (i < last and _gap(points, i, i + 1) < max_lonely_m):
+                continue
+        for k in range(2):
+            useful[count, k] = points[i, k]
+            normals[count, k] = normals[i, k]
+        count += 1
+    return count
+
+
+@njit(nogil=True, cache=True)
 def _gap(points: FloatArray, i: int, j: int) -> float:
     return math.hypot(points[i, 0] - points[j, 0], points[i, 1] - points[j, 1])
 
 
 @njit(nogil=True, cache=True)
 def stamp(
-    points: FloatArray,
-    normals: FloatArray,
+    points: FloatArray | NDArray[np.float32],
+    normals: FloatArray | NDArray[np.float32],
     pose: FloatArray,
     origin_x: float,
     origin_y: float,

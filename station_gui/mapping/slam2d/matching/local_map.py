@@ -20,21 +20,9 @@ _UNITS_PER_SURFEL = 10
 
 
 class LocalMap:
-    """Square window of `size_m` in some frame; grows nowhere, forgets nothing until `clear`.
+    """Square window of `size_m` in some frame; grows nowhere, forgets nothing until `clear`."""
 
-    One that is not `blank` has to be cleared before its first use.
-    """
-
-    def __init__(
-        self,
-        size_m: float,
-        cell_m: float,
-        reach_cells: int,
-        max_surfels: int,
-        max_count: float,
-        *,
-        blank: bool = True,
-    ) -> None:
+    def __init__(self, size_m: float, cell_m: float, reach_cells: int, max_surfels: int, max_count: float) -> None:
         side = round(size_m / cell_m)
         self.cell_m = cell_m
         self.size_m = side * cell_m
@@ -43,16 +31,16 @@ class LocalMap:
         self.surfels = np.empty((max_surfels, 5))
         self._reach_cells = reach_cells
         self._max_count = max_count
-        self._place(0.0, 0.0)
-        if blank:
-            self.clear(0.0, 0.0)
+        self.clear(0.0, 0.0)
 
     def clear(self, centre_x_m: float, centre_y_m: float) -> None:
         at_once(lambda share: self.clear_slowly(centre_x_m, centre_y_m, share))
 
     def clear_slowly(self, centre_x_m: float, centre_y_m: float, share: Share) -> Task:
         """The map is of no use until the task has come to its end."""
-        self._place(centre_x_m, centre_y_m)
+        self.used = 0
+        self.origin_x_m = centre_x_m - 0.5 * self.size_m
+        self.origin_y_m = centre_y_m - 0.5 * self.size_m
         for row in range(0, len(self.nearest), _ROWS_AT_ONCE):
             if share.left <= 0:
                 yield
@@ -60,12 +48,12 @@ class LocalMap:
             self.distance2[row : row + _ROWS_AT_ONCE].fill(_kernels.NONE_NEAR)
             share.take(_ROWS_AT_ONCE * len(self.nearest) // _CELLS_PER_UNIT)
 
-    def _place(self, centre_x_m: float, centre_y_m: float) -> None:
-        self.used = 0
-        self.origin_x_m = centre_x_m - 0.5 * self.size_m
-        self.origin_y_m = centre_y_m - 0.5 * self.size_m
-
-    def insert(self, points_m: NDArray[np.float64], normals: NDArray[np.float64], pose: NDArray[np.float64]) -> int:
+    def insert(
+        self,
+        points_m: NDArray[np.float64] | NDArray[np.float32],
+        normals: NDArray[np.float64] | NDArray[np.float32],
+        pose: NDArray[np.float64],
+    ) -> int:
         """`points_m`, `normals`: (N, 2), robot frame; `pose`: (3,), the robot in the window's frame.
 
         Returns about how much work it was, in products of two 3 × 3 blocks.

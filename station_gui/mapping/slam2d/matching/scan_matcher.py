@@ -40,16 +40,18 @@ class Match:
 
 def to_lines(points_m: NDArray[np.float64], origin_m: NDArray[np.float64], config: NormalConfig) -> LineScan:
     points = np.ascontiguousarray(points_m, dtype=np.float64)
-    normals = np.zeros_like(points)
-    _kernels.scan_normals(points, origin_m, config.half_window, config.max_gap_m, config.max_rms_m, normals)
-    useful = normals.any(axis=1) | (_gap_to_neighbour_m(points) < config.max_lonely_m)
-    return LineScan(points[useful], normals[useful])
-
-
-def _gap_to_neighbour_m(points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N,): distance to the nearer of the points before and after."""
-    gaps = np.hypot(*np.diff(points_m, axis=0).T) if len(points_m) > 1 else np.zeros(0)
-    return np.asarray(np.minimum(np.append(gaps, np.inf), np.append(np.inf, gaps)))
+    useful, normals = np.empty_like(points), np.empty_like(points)
+    count = _kernels.scan_lines(
+        points,
+        origin_m,
+        config.half_window,
+        config.max_gap_m,
+        config.max_rms_m,
+        config.max_lonely_m,
+        useful,
+        normals,
+    )
+    return LineScan(useful[:count], normals[:count])
 
 
 class _Refinement:
