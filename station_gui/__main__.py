@@ -9,8 +9,10 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from shared.command_line import Parser, Refused, address, run, set_up_logging
+from shared.command_line import Parser, Refused, address, existing_file, run, set_up_logging
 from station_gui.config import RecordingConfig, load_config
+from station_gui.mapping.saved_map import MapFileError, read_map
+from station_gui.model.station import Station
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -24,6 +26,8 @@ def _parser() -> argparse.ArgumentParser:
         "--config", metavar="FILE", type=Path, help="settings instead of the station.toml that comes along"
     )
     parser.add_argument("--recordings", metavar="DIR", help="where missions are recorded; '' records nothing")
+    parser.add_argument("--map", metavar="FILE", type=existing_file, help="begin with this map and go on mapping in it")
+    parser.add_argument("--localise", action="store_true", help="only localise in the --map; it is not changed")
     parser.add_argument("--verbose", action="store_true", help="log everything")
     return parser
 
@@ -36,15 +40,24 @@ def _work(args: argparse.Namespace) -> int:
         os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
     ):
         raise Refused("there is no display; start it on a desktop, or with: xvfb-run -a station-gui")
+    if args.localise and args.map is None:
+        raise Refused("--localise needs the --map to localise in")
+    if args.map is not None:
+        read_map(args.map)  # a file that is no map is refused before the window opens
+
+    def when_open(station: Station, _: object) -> None:
+        if args.map is not None:
+            station.open_map(args.map, localise=args.localise)
+
     from station_gui.app import run_window  # noqa: PLC0415 - Qt is loaded only once a window can open
 
-    return run_window(config, secrets.randbits(31), args.connect)
+    return run_window(config, secrets.randbits(31), args.connect, when_open)
 
 
 def main() -> int:
     args = _parser().parse_args()
     set_up_logging(args.verbose)
-    return run("station-gui", lambda: _work(args))
+    return run("station-gui", lambda: _work(args), also=(MapFileError,))
 
 
 if __name__ == "__main__":

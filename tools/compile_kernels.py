@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import logging
 import sys
+import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -30,6 +32,11 @@ def main() -> int:
     system.run(_STAND_S)
     system.station.start()
     system.run(_DRIVE_S)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "compile.labmap"
+        system.station.save_map(path)
+        system.station.open_map(path, localise=False)
+        system.run(_DRIVE_S)
     system.close()
     system.station.finish_mapping()
     free = GridMap(np.zeros((150, 150), np.float32), (-1.5, -1.5), 0.02)

@@ -23,7 +23,9 @@ from shared.runtime.clock import stopwatch_s
 from station_gui.build import build_pipeline
 from station_gui.config import load_config
 from station_gui.mapping.pipeline import MappingPipeline
+from station_gui.mapping.saved_map import MapFileError, read_map, write_map
 from station_gui.mapping.slam2d.base import MappingError
+from station_gui.mapping.snapshot import Tracking
 from tools.logs.base import LogError
 from tools.logs.carmen import CarmenReader
 from tools.logs.urg import UrgReader
@@ -83,6 +85,7 @@ class Played:
 
     observations: int = 0
     refused: int = 0
+    located: int = 0  # observations after which the robot's place in the map was known
     first_s: float = math.nan
     last_s: float = math.nan
     seconds: float = 0.0
@@ -106,6 +109,7 @@ def play(source: Source, pipeline: MappingPipeline, name: str) -> Played:
             played.first_s = observation.stamp_s
         played.observations += 1
         played.last_s = observation.stamp_s
+        played.located += pipeline.tracking is Tracking.LOCATED
     pipeline.finish()
     played.seconds = stopwatch_s() - began_s
     return played
@@ -122,6 +126,8 @@ def _write(played: Played, pipeline: MappingPipeline, source: Source, title: str
         "source": title,
         "observations": played.observations,
         "observations_refused": played.refused,
+        "observations_located": played.located,
+        "tracking": snapshot.tracking.name.lower(),
         "keyframes": len(snapshot.trajectory),
         "loop_closures": len(snapshot.closures),
         "distance_m": round(float(np.hypot(*steps.T).sum()), 2),
@@ -154,6 +160,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="where the results are written")
     parser.add_argument("--station", metavar="FILE", type=Path, help="station.toml instead of the one that comes along")
+    parser.add_argument("--save-map", metavar="FILE", type=Path, help="keep the map in this file")
+    parser.add_argument("--map", metavar="FILE", type=existing_file, help="begin with this map and go on mapping in it")
+    parser.add_argument("--localise", action="store_true", help="only localise in the --map; it is not changed")
     parser.add_argument("--verbose", action="store_true", help="log everything")
     return parser
 
@@ -167,11 +176,17 @@ def _source(args: argparse.Namespace) -> tuple[Source, str]:
 
 
 def _work(args: argparse.Namespace) -> int:
+    if args.localise and args.map is None:
+        raise Refused("--localise needs the --map to localise in")
     pipeline = build_pipeline(load_config(args.station))
+    if args.map is not None:
+        pipeline.open_map(read_map(args.map), fixed=args.localise)
     source, title = _source(args)
     played = play(source, pipeline, title)
     if played.observations == 0:
         raise Refused(source.truncated or f"{title}: no scan in it")
+    if args.save_map is not None:
+        write_map(pipeline.saved_map(), args.save_map)
     try:
         _write(played, pipeline, source, title, args.out)
     except OSError as error:
@@ -186,7 +201,7 @@ def _work(args: argparse.Namespace) -> int:
 def main() -> int:
     args = _parser().parse_args()
     set_up_logging(args.verbose)
-    return run("replay", lambda: _work(args), also=(LogError, RecordingError))
+    return run("replay", lambda: _work(args), also=(LogError, RecordingError, MapFileError))
 
 
 if __name__ == "__main__":

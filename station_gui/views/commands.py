@@ -36,7 +36,7 @@ def allowed(view: OperatorView, stale_after_s: float) -> Allowed:
         start=state in {MissionState.IDLE, MissionState.HALTED},
         stop=state is not MissionState.HALTED,
         emergency=True,
-        go_to=state is MissionState.COMMAND and view.snapshot is not None,
+        go_to=state is MissionState.COMMAND and view.snapshot is not None and view.snapshot.located,
         drive=state in {MissionState.OBSERVE, MissionState.COMMAND},
     )
 
@@ -90,7 +90,8 @@ class CommandPanel(Panel):
         if now.go_to:
             return "Right click on the map: go there."
         if now.drive:
-            return "Go to is possible after the observation."
+            lost = view.snapshot is not None and not view.snapshot.located
+            return "Go to needs its place in the map." if lost else "Go to is possible after the observation."
         return "Go to and driving come after the start." if now.start else ""
 
     def _lay_out(self) -> None:

@@ -24,6 +24,7 @@ from station_gui.views.drive_pad import DrivePanel
 from station_gui.views.gauges import GaugePanel
 from station_gui.views.map2d import Map2dCanvas
 from station_gui.views.map3d import Map3dCanvas
+from station_gui.views.map_files import MapFileButtons
 from station_gui.views.mission_bar import MissionBar
 from station_gui.views.mission_log import MissionLog
 
@@ -50,6 +51,8 @@ class MainWindow(QMainWindow):
         self.details = DetailsPanel()
         self.gauges = GaugePanel(config.gauges)
         self.map2d = Map2dCanvas()
+        self.map_files = MapFileButtons()
+        self.map2d.header.insertWidget(1, self.map_files)
         self.map3d = Map3dCanvas()
         self.log = MissionLog(config.log_lines)
         self._mapping = QLabel()
@@ -94,6 +97,7 @@ class MainWindow(QMainWindow):
         if self._timer.isActive():  # a window may be closed twice
             self._timer.stop()
             self.drive.stick.let_go()
+            self.map_files.close_dialog()
             self.map3d.close_gl()
             self._operator.disconnect()
         super().closeEvent(event)
@@ -110,6 +114,7 @@ class MainWindow(QMainWindow):
             ("the gauges", self.gauges.show_view),
             ("the details", self.details.show_view),
             ("the map", self.map2d.show_view),
+            ("the map files", self.map_files.show_view),
             ("the 3D map", self.map3d.show_view),
             ("the log", lambda view: self.log.show_log(self._operator, view.log_length)),
             ("the status bar", self._show_status),
@@ -135,12 +140,17 @@ class MainWindow(QMainWindow):
         self.commands.drive_mode_changed.connect(self.drive.set_on)
         self.drive.drive_asked.connect(self._operator.drive)
         self.map2d.goal_picked.connect(self._on_goal)
+        self.map_files.save_asked.connect(lambda path: self._operator.save_map(Path(path)))
+        self.map_files.open_asked.connect(self._on_open_map)
         self.mission.emergency_asked.connect(self._on_emergency)
         for key in (Qt.Key.Key_Space, Qt.Key.Key_Escape):
             shortcut = QShortcut(QKeySequence(key), self)
             shortcut.setContext(Qt.ShortcutContext.ApplicationShortcut)
             shortcut.setAutoRepeat(False)
             shortcut.activated.connect(self._on_emergency)
+
+    def _on_open_map(self, path: str, localise: bool) -> None:
+        self._operator.open_map(Path(path), localise=localise)
 
     def _on_emergency(self) -> None:
         self._operator.emergency_stop()
@@ -215,6 +225,7 @@ def status_text(view: OperatorView) -> str:
     rows, columns = snapshot.grid.probability.shape
     cell_m = snapshot.grid.cell_m
     parts = (
+        words.map_state(snapshot),
         f"map {snapshot.revision}",
         f"{snapshot.observations} observations",
         f"{len(snapshot.trajectory)} keyframes",

@@ -133,7 +133,11 @@ class Map2dCanvas(Panel):
         return bool(self.view_box.sceneBoundingRect().contains(scene_position))
 
     def _show_hint(self, view: OperatorView) -> None:
-        self._hint.setVisible(view.snapshot is None)
+        if view.snapshot is not None:
+            self._hint.setVisible(not view.snapshot.located)
+            self._hint.setText(words.lost_hint(view.snapshot))
+            return
+        self._hint.setVisible(True)
         connected = view.link_state is LinkState.CONNECTED
         self._hint.setText("No map yet\nPress Start observation" if connected else "No map yet\nConnect to a robot")
 

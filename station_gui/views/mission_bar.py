@@ -6,6 +6,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QPushButton, QVBoxLayout
 
 from shared.messages import MissionState
+from station_gui.mapping.snapshot import Tracking
 from station_gui.model.view import LinkState, OperatorView
 from station_gui.qt import theme
 from station_gui.qt.widgets import ElidedLabel, label, set_property
@@ -50,7 +51,8 @@ class MissionBar(QFrame):
             return ""
         if not view.telemetry_age_s <= self._stale_after_s or telemetry.faults:
             return "warning"
-        return "warning" if telemetry.stop_reason else ""
+        lost = view.snapshot is not None and view.snapshot.tracking is not Tracking.LOCATED
+        return "warning" if telemetry.stop_reason or lost else ""
 
     def _lay_out(self) -> None:
         row = QHBoxLayout(self)

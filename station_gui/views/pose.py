@@ -15,12 +15,12 @@ DEFAULT_FOOTPRINT_M = ((-0.045, -0.10), (0.305, -0.10), (0.305, 0.10), (-0.045, 
 
 
 def robot_on_map(view: OperatorView) -> Pose2 | None:
-    """`map_from_robot` by the newest of snapshot and telemetry; None where nobody can tell.
+    """`map_from_robot` by the newest of snapshot and telemetry; None where nobody can tell, or it is not known.
 
     Telemetry comes oftener than the map changes and is carried over by `map_from_odom`.
     """
     snapshot = view.snapshot
-    if snapshot is None:
+    if snapshot is None or not snapshot.located:
         return None
     pose = snapshot.map_from_robot
     if view.telemetry is not None and view.telemetry.stamp_s > snapshot.stamp_s:
@@ -33,9 +33,9 @@ def is_finite(pose: Pose2) -> bool:
 
 
 def scan_on_map_m(view: OperatorView) -> NDArray[np.float64]:
-    """(N, 2): what the newest scan hit, map frame; (0, 2) before there is a scan and a map."""
+    """(N, 2): what the newest scan hit, map frame; (0, 2) before there is a scan and a map, or a place in it."""
     observation, snapshot = view.observation, view.snapshot
-    if observation is None or snapshot is None:
+    if observation is None or snapshot is None or not snapshot.located:
         return np.zeros((0, 2))
     if observation.stamp_s == snapshot.stamp_s:
         map_from_robot = snapshot.map_from_robot

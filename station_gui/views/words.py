@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from shared.messages import MissionState, StopReason, Telemetry
+from station_gui.mapping.snapshot import MapSnapshot, Tracking
 from station_gui.model.view import LinkState, OperatorView
 from station_gui.views.pose import robot_on_map
 
@@ -78,6 +79,42 @@ def link_sentence(view: OperatorView) -> str:
     return sentence
 
 
+def tracking_sentence(snapshot: MapSnapshot) -> str:
+    """What is known of the robot's place in the map; empty where there is nothing to say."""
+    match snapshot.tracking:
+        case Tracking.SEARCHING if snapshot.places:
+            places = "1 place" if snapshot.places == 1 else f"{snapshot.places} places"
+            return f"Its place in the map is looked for: {places} may be it."
+        case Tracking.SEARCHING:
+            return "Its place in the map is looked for."
+        case Tracking.LOST:
+            return "It is lost: no place of the map fits what it sees."
+        case Tracking.APART:
+            return "It was not found again and maps a new piece, which may lie wrong."
+        case _:
+            return ""
+
+
+def lost_hint(snapshot: MapSnapshot) -> str:
+    """What stands across the map while the robot has no place in it; two lines."""
+    if snapshot.tracking is Tracking.LOST:
+        return "LOST\nNo place of the map fits what the robot sees"
+    if snapshot.places:
+        return f"LOOKING FOR THE ROBOT\n{snapshot.places} places may be it: driving on tells them apart"
+    return "LOOKING FOR THE ROBOT\nin the whole map"
+
+
+def map_state(snapshot: MapSnapshot) -> str:
+    """A word or two for the status bar."""
+    known = {
+        Tracking.LOCATED: "located",
+        Tracking.SEARCHING: "searching",
+        Tracking.LOST: "lost",
+        Tracking.APART: "new piece",
+    }[snapshot.tracking]
+    return f"{known}, map is not changed" if snapshot.fixed else known
+
+
 def mission_sentence(view: OperatorView, stale_after_s: float) -> str:
     """What the robot does, or why it does not, in one line."""
     if view.link_state is LinkState.DISCONNECTED:
@@ -90,7 +127,8 @@ def mission_sentence(view: OperatorView, stale_after_s: float) -> str:
         return f"No report from the robot for {age(view.telemetry_age_s)}."
     if view.telemetry.state is MissionState.COMMAND and not view.telemetry.stop_reason and view.goal_m is not None:
         return _goal_sentence(view, view.goal_m)
-    return telemetry_sentence(view.telemetry)
+    lost = tracking_sentence(view.snapshot) if view.snapshot is not None else ""
+    return f"{lost} {telemetry_sentence(view.telemetry)}".strip()
 
 
 def _goal_sentence(view: OperatorView, goal_m: tuple[float, float]) -> str:

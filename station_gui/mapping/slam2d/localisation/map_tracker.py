@@ -32,7 +32,7 @@ class MapTracker:
         self._matcher = ScanMatcher(config.match, config.local_map.reach_cells, config.local_map.cell_m)
         self._window = LocalMapBuilder(config.local_map)
         self._graph = PoseGraph(config.pose_graph)
-        self._grid = OccupancyGrid(config.grid)
+        self._picture: GridMap | None = None
         self._by_node: list[list[Keyframe]] = []
         self._saved: SavedMap | None = None
         self._keyframe_places = Placed()
@@ -148,6 +148,9 @@ class MapTracker:
         return np.minimum(first, len(self.keyframes) - 1).astype(np.int32).reshape(-1, 2)
 
     def grid(self) -> GridMap:
-        if self._grid.consumed == 0:
-            self._grid.add_all(self.keyframes, self._keyframe_places.poses(self._graph.poses))
-        return self._grid.snapshot()
+        """Always the same one."""
+        if self._picture is None:
+            drawn = OccupancyGrid(self._config.grid)
+            drawn.add_all(self.keyframes, self._keyframe_places.poses(self._graph.poses))
+            self._picture = drawn.snapshot()
+        return self._picture
