@@ -1,69 +1,14 @@
-"""The firmware in two forms: its core as a library with sanitizers, its hex on an emulated Mega."""
+"""The firmware's hex on an emulated Mega, and the host's side of the talk."""
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable
-from typing import Any
 
-from shared.protocol.transceiver import FINGERPRINT, Frame, Hello, Welcome
-from shared.protocol.transceiver_frame import FrameReader, encode
 from shared.protocol.transceiver_session import TransceiverSession
 from tools.simulator.devices.mega import MegaEvent, StepMega
 
 Spoil = Callable[[bytes], bytes]
-_MOST_BYTES = 255
 _STEP_US = 2_000
-
-
-class Core:
-    """The portable core, its wires and its time in the test's hands."""
-
-    def __init__(self, library: ctypes.CDLL) -> None:
-        self._library = library
-        self._reader = FrameReader()
-        self.start()
-
-    def start(self, cause: int = 0, detail: int = 0) -> None:
-        self._library.host_start(cause, detail)
-
-    def arrive(self, port: int, data: bytes) -> int:
-        """Bytes come in on a wire; how many the ring took."""
-        return int(self._library.host_arrive(port, data, len(data)))
-
-    def leave(self, port: int) -> bytes:
-        buffer = ctypes.create_string_buffer(_MOST_BYTES)
-        count = self._library.host_leave(port, buffer, _MOST_BYTES)
-        return buffer.raw[:count]
-
-    def tell(self, *frames: Frame) -> None:
-        for frame in frames:
-            data = encode(frame)
-            assert self.arrive(0, data) == len(data)
-            self.run(0)  # a long frame takes two turns
-            self.run(0)
-
-    def run(self, ms: int) -> None:
-        self._library.host_loop()
-        for _ in range(ms):
-            self._library.host_advance(1)
-            self._library.host_loop()
-
-    def heard(self) -> list[Frame]:
-        """The frames that have come since the last call, by loops in which no time passes."""
-        frames: list[Frame] = []
-        while data := self.leave(0):
-            frames += self._reader.feed(data)
-            self.run(0)
-        return frames
-
-    def open_session(self, number: int = 5) -> None:
-        self.heard()
-        self.tell(Hello(FINGERPRINT, number))
-        assert Welcome(number) in self.heard()
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._library, f"host_{name}")
 
 
 class Bench:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.firmware.benches import Bench, Core
+from tests.firmware.benches import Bench
 from tools.simulator.devices.mega import StepMega
 from tools.simulator.devices.mega_build import (
     BOOT_LOADER,
@@ -17,28 +16,19 @@ from tools.simulator.devices.mega_build import (
     build_core_library,
     build_mega,
 )
+from tools.simulator.devices.mega_core import Core
 
 
 @pytest.fixture(scope="session")
-def core_library() -> ctypes.CDLL:
+def core_library() -> Path:
     try:
-        path = build_core_library()
+        return build_core_library()
     except MegaUnavailableError as error:
         pytest.skip(str(error))
-    library = ctypes.CDLL(str(path))
-    for name in ("arrive", "leave", "flood"):
-        getattr(library, f"host_{name}").restype = ctypes.c_size_t
-    library.host_flood.argtypes = [ctypes.c_char_p, ctypes.c_size_t, ctypes.c_size_t]
-    library.host_arrive.argtypes = [ctypes.c_uint8, ctypes.c_char_p, ctypes.c_size_t]
-    library.host_leave.argtypes = [ctypes.c_uint8, ctypes.c_char_p, ctypes.c_size_t]
-    library.host_is_low.restype = ctypes.c_bool
-    library.host_baud.restype = ctypes.c_uint32
-    library.host_fed.restype = ctypes.c_uint32
-    return library
 
 
 @pytest.fixture
-def core(core_library: ctypes.CDLL) -> Core:
+def core(core_library: Path) -> Core:
     return Core(core_library)
 
 

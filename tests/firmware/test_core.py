@@ -7,7 +7,7 @@ import pytest
 
 from shared.protocol import transceiver as t
 from shared.protocol.transceiver_frame import FrameReader, encode
-from tests.firmware.benches import Core
+from tools.simulator.devices.mega_core import Core
 
 USB, RADIO_A, RADIO_B = t.Port
 
@@ -223,7 +223,7 @@ def test_a_ring_that_stands_still_stops_the_firmware_with_its_name(core: Core, p
         core.run(1)
         for other in {USB, RADIO_A, RADIO_B} - {port}:
             core.leave(other)
-    assert (core.stop_cause(), core.stop_detail()) == (t.ResetCause.RING_STUCK, 2 * port + 1)
+    assert core.stopped() == (t.ResetCause.RING_STUCK, 2 * port + 1)
 
 
 def test_the_watchdog_is_fed_while_all_is_well_and_time_goes_on(core: Core) -> None:

@@ -90,15 +90,18 @@ size_t host_leave(uint8_t port, uint8_t *bytes, size_t most)
     return count;
 }
 
-// All bytes into USB as fast as the core takes them, with a loop after each `portion` and a millisecond after each
-// loop; what it answers on all wires is counted and thrown away. For fuzzing.
+// All bytes into USB and radio A, with as many loops as a portion needs and a millisecond after it; what comes out on all wires is
+// counted and thrown away. For fuzzing.
 size_t host_flood(const uint8_t *bytes, size_t count, size_t portion)
 {
     size_t left = 0;
     uint8_t thrown[RING_CAPACITY];
     for (size_t at = 0; at < count; at += portion) {
-        host_arrive(PORT_USB, bytes + at, count - at < portion ? count - at : portion);
-        transceiver_loop();
+        size_t size = count - at < portion ? count - at : portion;
+        host_arrive(PORT_USB, bytes + at, size);
+        host_arrive(PORT_RADIO_A, bytes + at, size);
+        for (size_t turn = 0; turn <= size / 32; turn++)
+            transceiver_loop();
         board.now_ms++;
         for (uint8_t port = 0; port < PORT_COUNT; port++)
             left += host_leave(port, thrown, sizeof thrown);
