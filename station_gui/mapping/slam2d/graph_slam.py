@@ -26,6 +26,7 @@ from station_gui.mapping.slam2d.grid.occupancy_grid import OccupancyGrid
 from station_gui.mapping.slam2d.keyframes import Keyframe, Placed
 from station_gui.mapping.slam2d.local_map_builder import LocalMapBuilder
 from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, Match, ScanMatcher, to_lines
+from station_gui.mapping.slam2d.rehearsal import rehearse
 from station_gui.mapping.slam2d.se2_arrays import between, compose
 from station_gui.mapping.snapshot import GridMap
 
@@ -34,6 +35,7 @@ class GraphSlam:
     """See `Slam`. Deterministic: the same scans give the same poses bit for bit."""
 
     def __init__(self, config: GraphSlamConfig) -> None:
+        rehearse()
         self._config = config
         self._matcher = ScanMatcher(config.match, config.local_map.reach_cells, config.local_map.cell_m)
         self._local = LocalMapBuilder(config.local_map)
