@@ -54,12 +54,12 @@ class VerifyConfig:
     margin_m: float = 0.2
     min_cosine: float = 0.4
     free_below: float = 0.35
-    min_good_share: float = 0.9  # of the beams that the map can judge
+    min_good_share: float = 0.92  # of the beams that the map can judge
     min_support: float = 0.55  # good less bad ones, of all beams
-    uniqueness: float = 0.15  # by which the support of the second place must be less
+    uniqueness: float = 0.25  # by which the support of the second place must be less
     keep_support: float = 0.3  # what is below is no hypothesis
     keep_good_share: float = 0.7
-    min_points: int = 60
+    min_points: int = 100  # with fewer, rooms that are not the map fit it by chance
     scan_share: float = 0.75  # of the newest scan's points that fit, each time
     confirmations: int = 3  # scans in a row that say the same
     places_per_step: int = 16
