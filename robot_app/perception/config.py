@@ -31,7 +31,8 @@ class EdgeConfig:
     floor_slope: float = 0.012  # and this much more for each metre of distance: the car's pitch under its springs
     sample_spacing_m: float = 0.02  # of the sample nodes along an edge
     corner_gain: float = 4.0  # by how much the end of an edge is preferred to its middle as a sample, a corner less
-    min_curve_m: float = 0.10  # smaller edges are noise
+    min_curve_m: float = 0.06  # smaller edges are noise,
+    min_curve_cells: float = 6.0  # and so are those of fewer cells of `stride_px`
     corner_arm_points: int = 5  # how many edge points to either side tell a corner
     # Table 3 is for furniture: smaller things are learned with lengths in proportion to their size, down to a quarter.
     detail_curve_m: float = 0.5
@@ -79,7 +80,7 @@ class RefineConfig:
     loop_reach_m: float = 0.35  # how far an open end looks for its partner
     min_connection_m: float = 0.1  # γ3; less for curves smaller than `detail_curve_m`
     node_reach_m: float = 0.2  # n_x = n_y = n_z
-    node_support_m: float = 0.10  # the length of edge that has to lie within node_reach_m
+    node_support_m: float = 0.06  # the length of edge that has to lie within node_reach_m
     connection_reach_m: float = 0.06  # q_x = q_y = q_z
     connection_step_m: float = 0.04  # of the points that are looked at along a connection
 

@@ -35,7 +35,7 @@ class CurveTracer:
         self._order = np.zeros(cells, np.int32)
         self._start = np.zeros(cells + 1, np.int32)
         self._closed = np.zeros(cells, np.uint8)
-        self._smooth_m = np.zeros((cells, 3), np.float32)
+        self._path_m, self._smooth_m, self._corner_m = np.zeros((3, cells, 3), np.float32)
         self._score = np.zeros(cells, np.float32)
         self._arc_m = np.zeros(cells, np.float32)
         self.extent_m = np.zeros(cells, np.float32)
@@ -81,13 +81,25 @@ class CurveTracer:
     def _choose_samples(self, cell_width: float) -> None:
         config, curves = self._config, self.curves
         paths = self._order, self._start, self._closed
+        kernels.lay_out(self._point_m, *paths, curves, cell_width, self._path_m)
         kernels.smooth(
-            self._point_m, *paths, curves, config.corner_arm_points, self._smooth_m, self._score, self._arc_m
+            self._path_m,
+            self._start,
+            self._closed,
+            curves,
+            config.corner_arm_points,
+            self._smooth_m,
+            self._corner_m,
+            self._score,
+            self._arc_m,
         )
         kernels.measure(
             self._smooth_m,
             self._start,
             curves,
+            config.min_curve_m,
+            config.min_curve_cells,
+            cell_width,
             config.detail_curve_m,
             config.max_detail,
             self.extent_m,
@@ -101,14 +113,12 @@ class CurveTracer:
             self._curve,
             curves,
             self.extent_m,
-            config.min_curve_m,
             cell_width,
             self.group,
         )
         self.samples = kernels.choose_samples(
-            self._point_m,
+            self._corner_m,
             self._smooth_m,
-            self._order,
             self._score,
             self._arc_m,
             self._start,
@@ -116,7 +126,6 @@ class CurveTracer:
             curves,
             self.extent_m,
             self.detail,
-            config.min_curve_m,
             config.full_curve_m,
             config.corner_gain,
             config.sample_spacing_m,

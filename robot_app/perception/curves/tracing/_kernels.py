@@ -220,12 +220,12 @@ def join_ends(
                     continue
                 du, dv = point_uv[a, 0] - point_uv[b, 0], point_uv[a, 1] - point_uv[b, 1]
                 gap = _gap_cells(point_m, a, b, cell_width)
-                limit = 3.0 + math.sqrt(du * du + dv * dv)
-                if gap >= best or gap > limit:
+                cells = math.sqrt(du * du + dv * dv)
+                if gap >= best or gap > 3.0 + cells:
                     continue
                 turn = 0.0 if tail[a] == a else _turn(point_uv, tail[a], a, b)
                 turn = turn if tail[b] == b else max(turn, _turn(point_uv, tail[b], b, a))
-                if turn < 1.2 and gap < limit * (1.0 - 0.5 * turn):
+                if turn < 0.4 or (turn < 1.2 and cells < 3.2):
                     best, wanted[a, 0] = gap, b
     for e in range(count):
         a = ends[e]
@@ -262,46 +262,81 @@ def trace(points: int, beside: I32, curve: I32, order: I32, start: I32, closed: 
 
 
 @njit(nogil=True, cache=True)
+def lay_out(point_m: F32, order: I32, start: I32, closed: U8, curves: int, cell_width: float, path_m: F32) -> None:
+    """`path_m`: (E, 3) the points in the order of the curves, those that jump out and back again moved in between.
+
+    So does a pixel on an edge that mixes what is near with what is far.
+    """
+    for curve in range(curves):
+        first, size = start[curve], start[curve + 1] - start[curve]
+        for k in range(size):
+            p = order[first + k]
+            for axis in range(3):
+                path_m[first + k, axis] = point_m[p, axis]
+            if size < 3 or (closed[curve] == 0 and (k == 0 or k == size - 1)):
+                continue
+            a, b = order[first + (k - 1) % size], order[first + (k + 1) % size]
+            square = 0.0
+            for axis in range(3):
+                square += (point_m[p, axis] - 0.5 * (point_m[a, axis] + point_m[b, axis])) ** 2
+            if square > (1.25 * cell_width * point_m[p, 2]) ** 2:
+                for axis in range(3):
+                    path_m[first + k, axis] = 0.5 * (point_m[a, axis] + point_m[b, axis])
+
+
+@njit(nogil=True, cache=True)
+def _mean(path_m: F32, first: int, size: int, low: int, high: int, axis: int) -> float:
+    total = 0.0
+    for k in range(low, high + 1):
+        total += path_m[first + k % size, axis]
+    return total / (high - low + 1)
+
+
+@njit(nogil=True, cache=True)
 def smooth(
-    point_m: F32, order: I32, start: I32, closed: U8, curves: int, arm: int, smooth_m: F32, score: F32, arc_m: F32
+    path_m: F32, start: I32, closed: U8, curves: int, arm: int, smooth_m: F32, corner_m: F32, score: F32, arc_m: F32
 ) -> None:
-    """In the order of the curves: `smooth_m` (E, 3) the mean of a point and its neighbours, `score` (E,) how much of
-    a corner it is, 1 at ends and right angles, 0 in the middle of a straight edge, and `arc_m` (E,) the length of the
-    curve up to it.
+    """In the order of the curves, from the means of up to `arm` points before and after each:
+
+    `smooth_m` (E, 3) the mean of all of them, `corner_m` (E, 3) where the two sides meet if they are straight,
+    `score` (E,) how sharply: 1 at ends and right angles, 0 in the middle of a straight edge, and `arc_m` (E,) the
+    length of the curve up to there.
     """
     for curve in range(curves):
         first, size = start[curve], start[curve + 1] - start[curve]
         for k in range(size):
             reach = arm if closed[curve] == 1 else min(arm, k, size - 1 - k)
             reach = min(reach, (size - 1) // 2)
-            x, y, z = 0.0, 0.0, 0.0
-            ax, ay, az, bx, by, bz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            p = order[first + k]
-            for step in range(-reach, reach + 1):
-                q = order[first + (k + step) % size]
-                x, y, z = x + point_m[q, 0], y + point_m[q, 1], z + point_m[q, 2]
-                if step < 0:
-                    ax, ay, az = ax + point_m[q, 0], ay + point_m[q, 1], az + point_m[q, 2]
-                elif step > 0:
-                    bx, by, bz = bx + point_m[q, 0], by + point_m[q, 1], bz + point_m[q, 2]
-            whole = 2 * reach + 1
-            smooth_m[first + k, 0], smooth_m[first + k, 1], smooth_m[first + k, 2] = x / whole, y / whole, z / whole
             score[first + k] = 1.0
-            if reach >= 2:
-                ax, ay, az = ax / reach - point_m[p, 0], ay / reach - point_m[p, 1], az / reach - point_m[p, 2]
-                bx, by, bz = bx / reach - point_m[p, 0], by / reach - point_m[p, 1], bz / reach - point_m[p, 2]
-                norm = math.sqrt((ax * ax + ay * ay + az * az) * (bx * bx + by * by + bz * bz))
-                cosine = (ax * bx + ay * by + az * bz) / norm if norm > 0.0 else 0.0
-                score[first + k] = min(1.0, 1.0 + cosine)
-            elif closed[curve] == 0 and 0 < k < size - 1:
-                score[first + k] = 0.3
+            if reach < 2:
+                for axis in range(3):
+                    corner_m[first + k, axis] = smooth_m[first + k, axis] = path_m[first + k, axis]
+                if closed[curve] == 0 and 0 < k < size - 1:
+                    score[first + k] = 0.25
+                continue
+            # Straight sides u and v from corner c: their means are c + (reach + 1) / 2 of each, that of the middle
+            # three points is c + (u + v) / 3.
+            back = 1.0 / (0.75 * (reach + 1) - 1.0)
+            dot, square_a, square_b = 0.0, 0.0, 0.0
+            for axis in range(3):
+                before = _mean(path_m, first, size, k - reach, k - 1, axis)
+                after = _mean(path_m, first, size, k + 1, k + reach, axis)
+                middle = _mean(path_m, first, size, k - 1, k + 1, axis)
+                smooth_m[first + k, axis] = (reach * (before + after) + path_m[first + k, axis]) / (2 * reach + 1)
+                corner = middle - back * (0.5 * (before + after) - middle)
+                corner_m[first + k, axis] = corner
+                dot += (before - corner) * (after - corner)
+                square_a += (before - corner) ** 2
+                square_b += (after - corner) ** 2
+            norm = math.sqrt(square_a * square_b)
+            score[first + k] = min(1.0, 1.0 + dot / norm) if norm > 0.0 else 1.0
         arc = 0.0
         for k in range(size):
             if k > 0:
-                dx = smooth_m[first + k, 0] - smooth_m[first + k - 1, 0]
-                dy = smooth_m[first + k, 1] - smooth_m[first + k - 1, 1]
-                dz = smooth_m[first + k, 2] - smooth_m[first + k - 1, 2]
-                arc += math.sqrt(dx * dx + dy * dy + dz * dz)
+                square = 0.0
+                for axis in range(3):
+                    square += (smooth_m[first + k, axis] - smooth_m[first + k - 1, axis]) ** 2
+                arc += math.sqrt(square)
             arc_m[first + k] = arc
 
 
@@ -319,15 +354,26 @@ def _extent_m(place_m: F32, first: int, last: int) -> float:
 
 @njit(nogil=True, cache=True)
 def measure(
-    smooth_m: F32, start: I32, curves: int, detail_extent_m: float, max_detail: float, extent_m: F32, detail: F32
+    smooth_m: F32,
+    start: I32,
+    curves: int,
+    min_extent_m: float,
+    min_cells: float,
+    cell_width: float,
+    detail_extent_m: float,
+    max_detail: float,
+    extent_m: F32,
+    detail: F32,
 ) -> None:
-    """`extent_m`: (K,) the diagonal of the box round each curve; 0 for those of a few points, which are noise.
+    """`extent_m`: (K,) the diagonal of the box round each curve; 0 for those that are noise.
 
     `detail`: (K,) 1 for curves of `detail_extent_m` and more; smaller ones are drawn finer in proportion.
     """
     for curve in range(curves):
-        few = start[curve + 1] - start[curve] < FEW_POINTS
-        extent_m[curve] = 0.0 if few else _extent_m(smooth_m, start[curve], start[curve + 1])
+        first, last = start[curve], start[curve + 1]
+        extent_m[curve] = 0.0 if last - first < FEW_POINTS else _extent_m(smooth_m, first, last)
+        if extent_m[curve] < max(min_extent_m, min_cells * cell_width * smooth_m[(first + last) // 2, 2]):
+            extent_m[curve] = 0.0
         detail[curve] = min(max(1.0, detail_extent_m / max(extent_m[curve], 1e-3)), max_detail)
 
 
@@ -350,7 +396,6 @@ def group_curves(
     curve: I32,
     curves: int,
     extent_m: F32,
-    min_extent_m: float,
     cell_width: float,
     group: I32,
 ) -> None:
@@ -359,7 +404,7 @@ def group_curves(
     for k in range(curves):
         group[k] = k
     for k in range(curves):
-        if closed[k] == 1 or extent_m[k] < min_extent_m:
+        if closed[k] == 1 or extent_m[k] == 0.0:
             continue
         for side in range(2):
             a = order[start[k]] if side == 0 else order[start[k + 1] - 1]
@@ -367,7 +412,7 @@ def group_curves(
             for ki in range(max(i - 3, 0), min(i + 4, rows)):
                 for kj in range(max(j - 3, 0), min(j + 4, columns)):
                     b = point_at[ki, kj]
-                    if b < 0 or curve[b] == k or extent_m[curve[b]] < min_extent_m:
+                    if b < 0 or curve[b] == k or extent_m[curve[b]] == 0.0:
                         continue
                     if _gap_cells(point_m, a, b, cell_width) < 3.0:
                         ra, rb = _root(group, k), _root(group, curve[b])
@@ -378,9 +423,8 @@ def group_curves(
 
 @njit(nogil=True, cache=True)
 def choose_samples(
-    place_m: F32,
+    corner_m: F32,
     smooth_m: F32,
-    order: I32,
     score: F32,
     arc_m: F32,
     start: I32,
@@ -388,7 +432,6 @@ def choose_samples(
     curves: int,
     extent_m: F32,
     detail: F32,
-    min_extent_m: float,
     full_extent_m: float,
     corner_gain: float,
     spacing_m: float,
@@ -405,12 +448,12 @@ def choose_samples(
     """
     wanted = 0.0
     for curve in range(curves):
-        if extent_m[curve] >= min_extent_m:
+        if extent_m[curve] > 0.0:
             wanted += 3.0 + arc_m[start[curve + 1] - 1] * detail[curve] / spacing_m
     spacing_m = spacing_m * max(1.0, wanted / (0.9 * limit))
     count = 0
     for curve in range(curves):
-        if extent_m[curve] < min_extent_m:
+        if extent_m[curve] == 0.0:
             continue
         first, size = start[curve], start[curve + 1] - start[curve]
         share = min(1.0, extent_m[curve] / full_extent_m)
@@ -435,7 +478,7 @@ def choose_samples(
                 return count
             last_arc = arc_m[first + k]
             if corner or end:
-                sample_m[count] = place_m[order[first + k]]
+                sample_m[count] = corner_m[first + k]
                 sample_weight[count] = (1.0 + corner_gain * here) * size_weight
             else:
                 sample_m[count] = smooth_m[first + k]
