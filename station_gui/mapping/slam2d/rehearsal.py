@@ -28,6 +28,7 @@ def rehearse() -> None:
     room = to_lines(_round_room(), np.zeros(2), config.normals)
     local_map = LocalMap(window.size_m, window.cell_m, window.reach_cells, window.max_surfels, window.max_count)
     local_map.insert(room.points_m, room.normals, np.zeros(3))
+    local_map.insert(room.points_m.astype(np.float32), room.normals.astype(np.float32), np.zeros(3))
     elsewhere = LineScan(room.points_m + 0.5, room.normals)
     matcher.match(elsewhere, local_map, np.zeros(3), np.ones(3))
     graph, by_node = _there_and_back(room)

@@ -53,7 +53,7 @@ class PoseGraph:
         return self._robust[: self.edges]
 
     def add_node(self, pose: NDArray[np.float64]) -> int:
-        if self.nodes == len(self._poses):
+        if self.nodes >= len(self._poses):
             self._poses = _doubled(self._poses)
         self._poses[self.nodes] = pose
         self.ways.add_node()
@@ -152,7 +152,7 @@ class PoseGraph:
     def _adopt(self) -> None:
         """Nodes that came meanwhile follow the last one that took part."""
         last = self._trial_nodes - 1
-        if len(self._trial) < self.nodes:
+        while len(self._trial) < self.nodes:
             self._trial = _doubled(self._trial)
         for k in range(self._trial_nodes, self.nodes):
             self._trial[k] = compose(self._trial[last], between(self._poses[last], self._poses[k]))

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from station_gui.mapping.slam2d.search.branch_and_bound import build_pyramid, search
+from station_gui.mapping.slam2d.search.branch_and_bound import Search, build_pyramid, search
+from station_gui.mapping.slam2d.share import Share
 
 FloatArray = NDArray[np.float64]
 
@@ -51,3 +52,20 @@ def test_nothing_is_returned_where_nothing_is_good_enough() -> None:
     pyramid = build_pyramid(np.full((20, 20), 100, np.uint8), (0.0, 0.0), 0.1, 3)
     assert search(np.array([[0.1, 0.2]]), pyramid, np.zeros(3), 1.0, 0.1, 0.5, 1000) is None
     assert search(np.zeros((0, 2)), pyramid, np.zeros(3), 1.0, 0.1, 0.1, 1000) is None
+
+
+def test_a_search_that_pauses_finds_the_same() -> None:
+    rng = np.random.default_rng(7)
+    pyramid = build_pyramid((rng.random((80, 80)) ** 8 * 255).astype(np.uint8), (0.0, 0.0), 0.1, 4)
+    points, centre = rng.uniform(-2, 2, (40, 2)), np.array([4.0, 4.0, 0.1])
+    whole = search(points, pyramid, centre, 2.0, 0.2, 0.01, 3000)
+
+    share, paused, works = Share(), Search(points, pyramid, centre, 2.0, 0.2, 0.01, 3000), []
+    task = paused.run(share)
+    while not share.run(task, 200):
+        works.append(share.done - sum(works))
+
+    assert whole is not None
+    assert paused.found is not None
+    assert paused.found.pose.tobytes() == whole.pose.tobytes()
+    assert max(works) < 400
