@@ -10,6 +10,6 @@ from tools.simulator.devices.mega_core import Core
 
 def test_neither_side_minds_foreign_bytes(core: Core, rng: np.random.Generator) -> None:
     result = fuzz(core, 400_000, rng)
-    assert result.core_frames > 3_000
+    assert result.core_frames > 2_000
     assert result.host_frames > 3_000
     assert result.host_sessions > 1
