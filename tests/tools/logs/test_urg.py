@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from shared.messages import Observation
 from tools.logs.base import LogError
-from tools.logs.urg import UrgReader
+from tools.logs.urg import UrgReader, scan_times_s
 
 _DATA = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "urg04lx"
 
@@ -18,17 +19,56 @@ def _line(time_us: int, left: int, right: int, distance_mm: int = 1000) -> str:
     return " ".join(fields) + "\n"
 
 
-def test_wheel_ticks_become_odometry(tmp_path: Path) -> None:
-    """2000 ticks are a turn of a wheel of 77 mm; the wheels are 330 mm apart."""
-    path = tmp_path / "a.dat"
-    path.write_text(_line(0, 0, 0) + _line(100_000, 1000, 1000) + _line(200_000, 1000, 2000))
-    scans = list(UrgReader(path))
-    half_turn_m = math.pi * 0.077
+def _drive(path: Path, left: list[int], right: list[int], jitter_s: list[float] | None = None) -> list[Observation]:
+    """A log with a line every turn of the scanner."""
+    late_s = jitter_s or [0.0] * len(left)
+    path.write_text(
+        "".join(
+            _line(round((0.0987 * k + late) * 1e6), a, b)
+            for k, (a, b, late) in enumerate(zip(left, right, late_s, strict=True))
+        )
+    )
+    return list(UrgReader(path))
 
-    assert scans[1].odom_from_robot.x_m == pytest.approx(half_turn_m)
-    assert scans[1].speed_mps == pytest.approx(half_turn_m / 0.1)
-    assert scans[2].odom_from_robot.theta_rad == pytest.approx(half_turn_m / 0.33)
-    assert scans[2].stamp_s == pytest.approx(0.2)
+
+def test_a_turn_of_both_wheels_is_2000_ticks(tmp_path: Path) -> None:
+    ticks = [0, 0, 0, *range(0, 2001, 100), 2000, 2000, 2000, 2000]
+    scans = _drive(tmp_path / "a.dat", ticks, ticks)
+    assert scans[-1].odom_from_robot.x_m == pytest.approx(math.tau * 0.0777)
+    assert scans[14].speed_mps == pytest.approx(math.tau * 0.0777 / 20 / 0.0987, rel=1e-6)
+    assert scans[14].yaw_rate_radps == 0.0
+
+
+def test_the_right_wheel_alone_turns_the_robot_to_the_left(tmp_path: Path) -> None:
+    right = [0, 0, 0, *range(0, 1001, 50), 1000, 1000, 1000, 1000]
+    scans = _drive(tmp_path / "a.dat", [0] * len(right), right)
+    assert scans[-1].odom_from_robot.theta_rad == pytest.approx(math.pi * 0.0777 / 0.31)
+    assert scans[14].yaw_rate_radps == pytest.approx(math.pi * 0.0777 / 0.31 / 20 / 0.0987, rel=1e-6)
+
+
+def test_a_scan_is_older_than_the_ticks_of_its_line(tmp_path: Path) -> None:
+    """It has the odometry of 0.2 s before, between two records."""
+    ticks = [100 * k for k in range(30)]
+    scans = _drive(tmp_path / "a.dat", ticks, ticks)
+    metres_per_second = 100 / 2000 * math.tau * 0.0777 / 0.0987
+    assert scans[20].stamp_s == pytest.approx(20 * 0.0987 - 0.2)
+    assert scans[20].odom_from_robot.x_m == pytest.approx(metres_per_second * scans[20].stamp_s)
+    assert scans[0].odom_from_robot.x_m == 0.0
+
+
+def test_stamps_that_jitter_do_not_make_the_scanner_jitter(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    late_s = np.abs(rng.normal(0.0, 0.01, 60))
+    scans = _drive(tmp_path / "a.dat", [0] * 60, [0] * 60, late_s.tolist())
+    stamps = np.array([scan.stamp_s for scan in scans])
+    assert np.abs(np.diff(stamps) - 0.0987).max() < 0.006
+    assert np.std(stamps - 0.0987 * np.arange(60)) < 0.3 * late_s.std()
+
+
+def test_a_lost_scan_shifts_those_after_it(tmp_path: Path) -> None:
+    stamps_s = scan_times_s(0.0987 * np.concatenate((np.arange(30), np.arange(31, 60))))
+    assert np.diff(stamps_s)[29] == pytest.approx(2 * 0.0987, abs=1e-6)
+    assert np.delete(np.diff(stamps_s), 29) == pytest.approx(0.0987, abs=1e-6)
 
 
 def test_beams_run_from_right_to_left_and_error_codes_are_none(tmp_path: Path) -> None:
