@@ -31,7 +31,9 @@ class Es920lr:
         rule: BandRule = LONG_CARRIER_SENSE,
         reset: Reset | None = None,
     ) -> None:
-        """`reset` pulses the module's reset pin, where one is wired. Raises `SettingsError`."""
+        """`reset` pulses the module's reset pin, where one is wired. Raises `SettingsError`, `LinkError`."""
+        if not port.set_baud_rate(settings.baud_rate):
+            raise LinkError(f"{port.name}: has no {settings.baud_rate} baud; take another baud_rate for the module")
         self._port = port
         self._clock = clock
         self._reset = reset

@@ -32,7 +32,7 @@ from shared.link.es920lr.settings import (
 _TRIES = 3
 _ANSWER_S = 0.3  # besides the time on the line; the transceiver and USB are part of it
 _FLASH_S = 2.0  # erasing and writing the sector
-_BOOT_S = 0.4
+BOOT_S = 0.4
 _HALF_FRAME_S = 0.7  # a module in operation forgets a half frame after 0.5 s
 _CONFIGURATION_WORD = b"config"
 _REFUSALS = {
@@ -134,30 +134,29 @@ def restart(wanted: RadioSettings) -> Procedure[Running]:
     return Running(wanted)
 
 
-def enter_configuration(baud_rate: int, can_reset: bool) -> Procedure[int]:
-    """Bring a module in whatever state to take commands; returns the rate it speaks at.
+def enter_configuration(baud_rate: int, boot_s: float = BOOT_S) -> Procedure[Found]:
+    """Bring a module in whatever state to take commands; returns what it was doing.
 
-    From operation this writes its flash memory and needs the reset pin, or the user at the power switch.
+    From operation this sets the boot mode in its flash memory to configuration, and then has it reset: by its pin,
+    or by a user at the power switch, for whom `boot_s` leaves time.
     """
     found = yield from find((baud_rate,))
     if found.mode is Mode.QUESTION:
         yield from _choose_processor()
     elif found.mode is not Mode.PROCESSOR:
-        yield from _enter_by_reset(found, can_reset)
-    return found.baud_rate
+        yield from _enter_by_reset(found, True, boot_s)
+    return found
 
 
-def _enter_by_reset(found: Found, can_reset: bool) -> Procedure[None]:
+def _enter_by_reset(found: Found, can_reset: bool, boot_s: float = BOOT_S) -> Procedure[None]:
     if found.mode in {Mode.BINARY, Mode.ASCII}:
         yield from ask_for_configuration()
     if not can_reset:
-        raise DialogueError(
-            f"the module {found.mode.value}. Switch its power off and on again, then repeat the command"
-        )
+        raise DialogueError(f"the module {found.mode.value}. Switch its power off and on again")
     yield ResetModule()
-    answer = yield Ask(b"", Wait.REPLY, _BOOT_S)
+    answer = yield Ask(b"", Wait.REPLY, boot_s)
     if answer.said is not Said.MODE_QUESTION:
-        raise DialogueError("the module did not come back from its reset. Is the reset pin connected?")
+        raise DialogueError(f"the module has not been reset within {boot_s:g} s")
     yield from _choose_processor()
 
 

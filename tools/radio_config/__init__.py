@@ -1,0 +1,1 @@
+"""`radio-config`: sets up the radio modules and measures what they carry."""
