@@ -6,12 +6,13 @@ import argparse
 import sys
 
 from shared.command_line import Parser, run, set_up_logging
-from tools.evaluate import extraction, kidnap, mission, slam
+from tools.evaluate import extraction, kidnap, mission, slam, urg
 from tools.logs.base import LogError
 
 _COMMANDS = {
     "mission": (mission, "the demo's mission in lock-step, no window"),
     "slam": (slam, "2D SLAM on a recorded log, against hand-made relations"),
+    "urg": (urg, "walls and revisits of the map of a log without a ground truth"),
     "kidnap": (kidnap, "finding a robot that was put down anywhere in a saved map"),
     "extraction": (extraction, "3D object extraction on depth images"),
 }

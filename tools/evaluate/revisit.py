@@ -1,0 +1,153 @@
+"""Whether the robot, back at its start, sees the surfaces where its first scans put them.
+
+Independent of SLAM: the surfaces seen at the last visit are compared with those of the first alone, and aligned with
+them by iterated closest points from many starts; that offset is what the map is off by at the end of the loop.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from shared.geometry.se2 import Pose2
+from tools.evaluate.cloud import Cloud
+
+FloatArray = NDArray[np.float64]
+
+VISIT_M = 1.5  # nearer to the first pose is at the start
+AWAY_M = 2.5  # farther has left it
+_FACING_COS = math.cos(math.radians(30.0))
+_OVERLAP_M = 0.30  # surfaces farther apart are not the same
+_INLIER_M = 0.05
+_SCALES_M = (0.20, 0.08, 0.03)  # of the Cauchy weight
+_ITERATIONS = 15
+_STARTS_M = (-0.3, 0.0, 0.3)
+_STARTS_RAD = (-math.radians(8.0), 0.0, math.radians(8.0))
+_MAX_POINTS = 5_000
+_MIN_POINTS = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Revisit:
+    """`median_m`, `p95_m`: distances between the surfaces that both visits saw, as the map has them.
+
+    `offset_m`, `offset_deg`: the motion, about the robot's place at the visit, that aligns them best.
+    `overlap`: share of the last visit's points that lie on surfaces of the first.
+    """
+
+    first_scans: int
+    last_scans: int
+    overlap: float
+    median_m: float
+    p95_m: float
+    offset_m: float
+    offset_deg: float
+    aligned_median_m: float
+
+
+def visits(poses: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
+    """Scans of the first and of the last visit to the place of the first of (N, 3) poses; None without a return."""
+    away_m = np.hypot(*(poses[:, :2] - poses[0, :2]).T)
+    left = np.flatnonzero(away_m > AWAY_M)
+    if not len(left):
+        return None
+    first = np.flatnonzero(away_m[: left[0]] <= VISIT_M)
+    back = np.flatnonzero(away_m <= VISIT_M)
+    last = int(back[-1])
+    if last < left[0]:
+        return None
+    begins = left[left < last][-1]
+    return first, back[back > begins]
+
+
+def revisit(cloud: Cloud, poses: FloatArray) -> Revisit | None:
+    """None when the robot does not come back, or when its two visits saw too little."""
+    found = visits(poses)
+    if found is None:
+        return None
+    first, last = found
+    reference, query = cloud[np.isin(cloud.scan, first)], cloud[np.isin(cloud.scan, last)]
+    if min(len(reference), len(query)) < _MIN_POINTS:
+        return None
+    reference, query = _thinned(reference), _thinned(query)
+    middle_m = poses[last, :2].mean(axis=0)
+    matcher = _Matcher(reference, query, middle_m)
+    distance_m = matcher.distances_m(Pose2())
+    if len(distance_m) < _MIN_POINTS:
+        return None
+    offset = matcher.best_offset()
+    return Revisit(
+        first_scans=len(first),
+        last_scans=len(last),
+        overlap=len(distance_m) / len(query),
+        median_m=float(np.median(distance_m)),
+        p95_m=float(np.percentile(distance_m, 95)),
+        offset_m=math.hypot(offset.x_m, offset.y_m),
+        offset_deg=math.degrees(offset.theta_rad),
+        aligned_median_m=float(np.median(matcher.distances_m(offset))),
+    )
+
+
+def _thinned(cloud: Cloud) -> Cloud:
+    step = max(1, math.ceil(len(cloud) / _MAX_POINTS))
+    return cloud[np.arange(0, len(cloud), step)]
+
+
+class _Matcher:
+    """Moves the query about `middle_m` and compares it with the reference."""
+
+    def __init__(self, reference: Cloud, query: Cloud, middle_m: FloatArray) -> None:
+        self._reference = reference
+        self._tree = cKDTree(reference.points_m)
+        self._points_m = query.points_m - middle_m
+        self._normals = query.normals
+        self._middle_m = middle_m
+
+    def distances_m(self, offset: Pose2) -> FloatArray:
+        """(M,): of the points that have a surface nearby, from the line of it."""
+        residual_m, _, same = self._compare(offset)
+        return np.abs(residual_m[same])
+
+    def best_offset(self) -> Pose2:
+        """Of many starts the one that ends with the most points on surfaces."""
+        ends = (self._descend(Pose2(x, y, turn)) for x, y, turn in itertools.product(_STARTS_M, _STARTS_M, _STARTS_RAD))
+        return max(ends, key=self._score)
+
+    def _score(self, offset: Pose2) -> float:
+        residual_m, _, same = self._compare(offset)
+        return float(np.where(same, 1 / (1 + np.square(residual_m / _INLIER_M)), 0.0).sum())
+
+    def _descend(self, offset: Pose2) -> Pose2:
+        for scale_m in _SCALES_M:
+            for _ in range(_ITERATIONS):
+                step = self._step(offset, scale_m)
+                offset = Pose2(offset.x_m + step[0], offset.y_m + step[1], offset.theta_rad + step[2])
+                if np.abs(step).max() < 1e-5:
+                    break
+        return offset
+
+    def _step(self, offset: Pose2, scale_m: float) -> FloatArray:
+        """(3,): one Gauss-Newton step with point-to-line residuals and Cauchy weights."""
+        residual_m, normals, same = self._compare(offset)
+        turned = Pose2(0.0, 0.0, offset.theta_rad).apply(self._points_m)
+        turning = turned[:, 0] * normals[:, 1] - turned[:, 1] * normals[:, 0]
+        jacobian = np.column_stack((normals, turning))[same]
+        weight = 1 / (1 + np.square(residual_m[same] / scale_m))
+        information = jacobian.T @ (jacobian * weight[:, None]) + 1e-6 * np.eye(3)
+        return np.asarray(np.linalg.solve(information, -jacobian.T @ (weight * residual_m[same])))
+
+    def _compare(self, offset: Pose2) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+        """For each point the signed distance from the nearest surface, that one's normal, whether it is the same."""
+        moved_m = offset.apply(self._points_m) + self._middle_m
+        apart_m, nearest = self._tree.query(moved_m, distance_upper_bound=_OVERLAP_M)
+        found = np.isfinite(apart_m)
+        nearest = np.where(found, nearest, 0)
+        normals = self._reference.normals[nearest]
+        facing = np.sum(Pose2(0.0, 0.0, offset.theta_rad).apply(self._normals) * normals, axis=1) > _FACING_COS
+        residual_m = np.sum((moved_m - self._reference.points_m[nearest]) * normals, axis=1)
+        return residual_m, normals, found & facing
