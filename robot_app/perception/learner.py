@@ -20,6 +20,7 @@ class Network:
     def __init__(self, max_nodes: int) -> None:
         self.node_m = np.zeros((max_nodes, 3), np.float32)
         self.node_curve = np.zeros(max_nodes, np.int32)
+        self.node_weight = np.zeros(max_nodes, np.float32)
         self.linked = np.zeros((max_nodes, max_nodes), np.uint8)
         self.nodes = 0
         self._pairs = np.zeros((8 * max_nodes, 2), np.int32)
@@ -28,8 +29,13 @@ class Network:
         """(M, 2), a view that the next call writes over."""
         return self._pairs[: kernels.list_connections(self.linked, self.nodes, self._pairs)]
 
+    def belong_to_no_curve(self) -> None:
+        """For learners that do not ask which edge curve a sample lies on."""
+        self.node_curve[: self.nodes] = 0
+        self.node_weight[: self.nodes] = 1.0
+
     def drop_isolated(self) -> None:
-        self.nodes = kernels.remove_isolated(self.node_m, self.node_curve, self.linked, self.nodes)
+        self.nodes = kernels.remove_isolated(self.node_m, self.node_curve, self.node_weight, self.linked, self.nodes)
 
 
 class Learner(Protocol):

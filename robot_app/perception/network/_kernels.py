@@ -2,6 +2,7 @@
 
 Shared arguments are those of `perception._kernels`, and
 node_m: (N, 3) float32, optical frame. node_curve: (N,) int32, the edge curve that a node was taken from.
+node_weight: (N,) float32, the weight of the sample that it was taken from.
 linked: (N, N) uint8, symmetric, 1 where two nodes are connected.
 They have room for `max_nodes`; the first `nodes` are in use.
 """
@@ -35,26 +36,25 @@ def near_edge(x: float, y: float, z: float, lens: F64, stride: int, reach_m: flo
     rows, columns = edge_at.shape
     if z < 0.05:
         return False
+    row_scale, column_scale = lens[1] / (stride * z), lens[0] / (stride * z)  # cells a metre
     side_m = min(reach_m, 2.5 * stride * z / min(lens[0], lens[1]))
-    ci = math.floor((y / z * lens[1] + lens[3]) / stride)
-    cj = math.floor((x / z * lens[0] + lens[2]) / stride)
-    ri = min(int(side_m * lens[1] / (z * stride)) + 1, 16)
-    rj = min(int(side_m * lens[0] / (z * stride)) + 1, 16)
-    for ring in range(max(ri, rj) + 1):
-        for k in range(max(ci - min(ring, ri), 0), min(ci + min(ring, ri) + 1, rows)):
-            whole = ring <= ri and abs(k - ci) == ring
-            step = 1 if whole or ring == 0 else 2 * ring
-            for m in range(cj - ring, cj + ring + 1, step):
-                if m < 0 or m >= columns or abs(m - cj) > rj:
-                    continue
-                index = edge_at[k, m]
-                if (
-                    index >= 0
-                    and abs(edge_m[index, 0] - x) <= side_m
-                    and abs(edge_m[index, 1] - y) <= side_m
-                    and abs(edge_m[index, 2] - z) <= reach_m
-                ):
-                    return True
+    ci = math.floor(y * row_scale + lens[3] / stride)
+    cj = math.floor(x * column_scale + lens[2] / stride)
+    ri, rj = min(int(side_m * row_scale) + 1, 16), min(int(side_m * column_scale) + 1, 16)
+    first, end = max(cj - rj, 0), min(cj + rj + 1, columns)
+    for step in range(2 * ri + 1):  # the middle row first
+        k = ci + ((step + 1) // 2 if step % 2 == 1 else -(step // 2))
+        if k < 0 or k >= rows:
+            continue
+        for m in range(first, end):
+            index = edge_at[k, m]
+            if (
+                index >= 0
+                and abs(edge_m[index, 0] - x) <= side_m
+                and abs(edge_m[index, 1] - y) <= side_m
+                and abs(edge_m[index, 2] - z) <= reach_m
+            ):
+                return True
     return False
 
 
@@ -88,23 +88,24 @@ def set_link(linked: U8, a: int, b: int, value: int) -> None:
 
 
 @njit(nogil=True, cache=True)
-def remove_isolated(node_m: F32, node_curve: I32, linked: U8, nodes: int) -> int:
+def remove_isolated(node_m: F32, node_curve: I32, node_weight: F32, linked: U8, nodes: int) -> int:
     """Step 7: nodes without a connection go; the others keep their order. Returns how many are left."""
     kept = 0
     for a in range(nodes):
         if degree(linked, nodes, a) == 0:
             continue
         if kept != a:
-            node_m[kept] = node_m[a]
-            node_curve[kept] = node_curve[a]
+            node_curve[kept], node_weight[kept] = node_curve[a], node_weight[a]
+            for axis in range(3):
+                node_m[kept, axis] = node_m[a, axis]
             for b in range(nodes):
                 linked[kept, b] = linked[a, b]
+                linked[a, b] = 0
             for b in range(nodes):
-                linked[b, kept] = linked[b, a]
+                if linked[b, a] == 1:
+                    linked[b, a] = 0
+                    linked[b, kept] = 1
         kept += 1
-    for a in range(nodes):
-        for b in range(kept if a < kept else 0, nodes):
-            linked[a, b] = 0
     return kept
 
 

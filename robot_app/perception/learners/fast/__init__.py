@@ -1,0 +1,1 @@
+"""FastGNG (Kubota): growth by mini-batches."""

@@ -1,0 +1,1 @@
+"""What standard GNG and FastGNG share: draws, the nearest two nodes, connections with ages."""

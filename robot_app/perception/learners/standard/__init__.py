@@ -1,0 +1,1 @@
+"""Standard growing neural gas (Fritzke 1995)."""
