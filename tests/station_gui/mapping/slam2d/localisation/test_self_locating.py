@@ -1,0 +1,189 @@
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from shared.geometry.se2 import Pose2
+from station_gui.mapping.saved_map import SavedMap, decode, encode
+from station_gui.mapping.scan import PointScan
+from station_gui.mapping.slam2d.base import StoredSlam
+from station_gui.mapping.slam2d.config import GraphSlamConfig, GridConfig
+from station_gui.mapping.slam2d.graph_slam import GraphSlam
+from station_gui.mapping.slam2d.localisation.config import LocalisationConfig
+from station_gui.mapping.slam2d.localisation.map_tracker import MapTracker
+from station_gui.mapping.slam2d.localisation.self_locating import SelfLocatingSlam
+from station_gui.mapping.slam2d.particle.config import ParticleSlamConfig
+from station_gui.mapping.slam2d.particle.particle_slam import ParticleSlam
+from station_gui.mapping.snapshot import Tracking
+
+FloatArray = NDArray[np.float64]
+ScanMaker = Callable[..., PointScan]
+LapMaker = Callable[[int], list[Pose2]]
+
+_SOMEWHERE = Pose2(-7.0, 3.0, 2.0)  # where the odometry of another session began
+_CONFIG = LocalisationConfig()
+
+
+def _graph() -> StoredSlam:
+    return GraphSlam(GraphSlamConfig())
+
+
+def _particles() -> StoredSlam:
+    return ParticleSlam(ParticleSlamConfig(particles=5), np.random.default_rng(0))
+
+
+def _tracker() -> StoredSlam:
+    return MapTracker(GraphSlamConfig())
+
+
+def _slam(
+    inner: StoredSlam, given: SavedMap | None, *, fixed: bool = False, config: LocalisationConfig = _CONFIG
+) -> SelfLocatingSlam:
+    return SelfLocatingSlam(config, GridConfig(), inner, given, fixed=fixed)
+
+
+def _follow(
+    slam: SelfLocatingSlam, walls: FloatArray, way: list[Pose2], make: ScanMaker, odom_from_room: Pose2, began: int = 0
+) -> list[Pose2]:
+    rng = np.random.default_rng(began)
+    return [slam.add(make(walls, pose, rng, odom_from_room @ pose, 0.1 * (began + k))) for k, pose in enumerate(way)]
+
+
+def _error_m(poses: list[Pose2], way: list[Pose2]) -> float:
+    return max(pose.distance_m(truth) for pose, truth in zip(poses, way, strict=True))
+
+
+@pytest.mark.parametrize("make_inner", [_graph, _particles, _tracker])
+def test_a_session_goes_on_in_the_frame_of_the_map(
+    make_inner: Callable[[], StoredSlam], lab: FloatArray, lab_map: SavedMap, lap: LapMaker, scan_from: ScanMaker
+) -> None:
+    slam = _slam(make_inner(), decode(encode(lab_map)), fixed=make_inner is _tracker)
+    assert slam.tracking is Tracking.SEARCHING
+    way = lap(100)[30:80]
+    poses = _follow(slam, lab, way, scan_from, _SOMEWHERE)
+    slam.finish()
+
+    assert slam.tracking is Tracking.LOCATED
+    assert _error_m(poses[20:], way[20:]) < 0.05
+    assert _error_m([slam.pose_of_scan(k) for k in range(50)], way) < 0.06
+    grown = len(slam.trajectory()) - len(lab_map.keyframes)
+    assert grown == 0 if slam.fixed else grown > 10
+
+
+def test_a_fixed_map_is_not_changed(lab: FloatArray, lab_map: SavedMap, lap: LapMaker, scan_from: ScanMaker) -> None:
+    slam = _slam(_tracker(), lab_map, fixed=True)
+    before = slam.grid()
+    _follow(slam, lab, lap(100)[:40], scan_from, _SOMEWHERE)
+    assert slam.fixed
+    assert slam.grid() is before
+    assert slam.saved() is lab_map
+    assert encode(slam.saved()) == encode(lab_map)
+
+
+def test_new_scans_close_loops_with_old_places(
+    lab: FloatArray, lab_map: SavedMap, lap: LapMaker, scan_from: ScanMaker
+) -> None:
+    slam = _slam(_graph(), lab_map)
+    _follow(slam, lab, lap(120), scan_from, _SOMEWHERE)
+    slam.finish()
+    old = len(lab_map.keyframes)
+    assert ((slam.closures().min(axis=1) < old) & (slam.closures().max(axis=1) >= old)).sum() >= 2
+    assert len(slam.saved().nodes) > len(lab_map.nodes)
+
+
+@pytest.mark.parametrize("make_inner", [_graph, _particles])
+def test_what_one_method_saved_the_other_goes_on_with(
+    make_inner: Callable[[], StoredSlam], lab: FloatArray, lab_map: SavedMap, lap: LapMaker, scan_from: ScanMaker
+) -> None:
+    first = _slam(_particles(), lab_map)
+    _follow(first, lab, lap(100)[:50], scan_from, _SOMEWHERE)
+    second = _slam(make_inner(), decode(encode(first.saved())))
+    way = lap(100)[50:90]
+    poses = _follow(second, lab, way, scan_from, Pose2(2.0, 2.0, -1.0))
+    assert second.tracking is Tracking.LOCATED
+    assert _error_m(poses[20:], way[20:]) < 0.06
+
+
+@pytest.mark.parametrize("make_inner", [_graph, _particles, _tracker])
+def test_a_robot_that_is_carried_off_is_missed_and_found_again(
+    make_inner: Callable[[], StoredSlam], lab: FloatArray, lab_map: SavedMap, lap: LapMaker, scan_from: ScanMaker
+) -> None:
+    slam = _slam(make_inner(), lab_map, fixed=make_inner is _tracker)
+    way = lap(100)
+    _follow(slam, lab, way[:30], scan_from, _SOMEWHERE)
+    assert slam.tracking is Tracking.LOCATED
+    elsewhere = way[62:100]
+    carried = _SOMEWHERE @ way[29] @ elsewhere[0].inverse()  # the odometry feels nothing of it
+    states = []
+    rng = np.random.default_rng(9)
+    for k, pose in enumerate(elsewhere):
+        pose_now = slam.add(scan_from(lab, pose, rng, carried @ pose, 3.0 + 0.1 * k))
+        states.append(slam.tracking)
+
+    assert Tracking.SEARCHING in states or Tracking.LOST in states
+    assert states[-1] is Tracking.LOCATED
+    assert pose_now.distance_m(elsewhere[-1]) < 0.05
+
+
+def test_in_a_room_that_is_not_the_map_it_stays_lost_and_the_map_as_it_is(
+    lab_map: SavedMap, other_room: FloatArray, scan_from: ScanMaker
+) -> None:
+    slam = _slam(_graph(), lab_map, config=replace(_CONFIG, give_up_m=100.0))
+    way = [Pose2(0.6 + 0.05 * k, 1.5, 0.0) for k in range(50)]
+    _follow(slam, other_room, way, scan_from, Pose2())
+    assert slam.tracking in {Tracking.SEARCHING, Tracking.LOST}
+    assert len(slam.trajectory()) == len(lab_map.keyframes)
+
+
+def test_a_robot_that_is_not_found_again_begins_a_new_piece(
+    lab: FloatArray, lap: LapMaker, other_room: FloatArray, scan_from: ScanMaker
+) -> None:
+    slam = _slam(_graph(), None, config=replace(_CONFIG, give_up_m=0.5))
+    way = lap(100)[:40]
+    assert _error_m(_follow(slam, lab, way, scan_from, Pose2()), way) < 0.05
+    there = [Pose2(0.6 + 0.04 * k, 1.5, 0.0) for k in range(70)]
+    carried = way[-1] @ there[0].inverse()
+    keyframes = len(slam.trajectory())
+    _follow(slam, other_room, there, scan_from, carried, began=40)
+    assert slam.tracking is Tracking.APART
+    assert len(slam.trajectory()) > keyframes + 10
+
+
+def test_a_blink_of_the_scanner_is_no_reason_to_be_lost(lab: FloatArray, lap: LapMaker, scan_from: ScanMaker) -> None:
+    slam = _slam(_graph(), None)
+    way = lap(100)
+    _follow(slam, lab, way[:20], scan_from, Pose2())
+    near = np.array([(0.3, -0.3, 0.3, 0.3), (-0.3, 0.3, 0.3, 0.3), (-0.3, -0.3, 0.3, -0.3)])
+    for k in range(5):  # somebody stands round the robot
+        rng = np.random.default_rng(k)
+        shut_in = scan_from(near, Pose2(), rng, way[20 + k], 2.0 + 0.1 * k)
+        slam.add(shut_in)
+        assert slam.tracking is Tracking.LOCATED
+    poses = _follow(slam, lab, way[25:40], scan_from, Pose2(), began=25)
+    assert slam.tracking is Tracking.LOCATED
+    assert _error_m(poses, way[25:40]) < 0.05
+
+
+def test_the_same_scans_give_the_same_poses_bit_for_bit(
+    lab: FloatArray, lab_map: SavedMap, lap: LapMaker, scan_from: ScanMaker
+) -> None:
+    way = lap(100)[10:45]
+    first, second = (_follow(_slam(_graph(), lab_map), lab, way, scan_from, _SOMEWHERE) for _ in range(2))
+    assert first == second
+
+
+def test_while_it_is_lost_its_place_is_by_odometry(
+    lab_map: SavedMap, other_room: FloatArray, scan_from: ScanMaker
+) -> None:
+    slam = _slam(_graph(), lab_map)
+    start = Pose2(1.0, 1.5, 0.2)
+    way = [start @ Pose2(0.02 * k, 0.0, 0.01 * k) for k in range(8)]
+    poses = _follow(slam, other_room, way, scan_from, _SOMEWHERE)
+    moved = poses[0].inverse() @ poses[-1]
+    assert moved.distance_m(way[0].inverse() @ way[-1]) < 1e-9
+    assert math.isclose(moved.theta_rad, 0.07, abs_tol=1e-9)
