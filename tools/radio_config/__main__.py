@@ -120,7 +120,12 @@ def _add_writing(parser: argparse.ArgumentParser) -> None:
 
 
 def main() -> int:
-    args = _parser().parse_args()
+    parser = _parser()
+    args, rest = parser.parse_known_args()
+    if strange := [text for text in rest if text.startswith("-") or "assignments" not in args]:
+        parser.error(f"unrecognized arguments: {' '.join(strange)}")
+    if rest:  # argparse gives up on KEY=VALUE where options stand between them
+        args.assignments += rest
     set_up_logging(args.verbose)
     return run("radio-config", lambda: args.work(args))
 

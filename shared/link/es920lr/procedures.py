@@ -32,6 +32,7 @@ from shared.link.es920lr.settings import (
 _TRIES = 3
 _ANSWER_S = 0.3  # besides the time on the line; the transceiver and USB are part of it
 _FLASH_S = 2.0  # erasing and writing the sector
+_WORD_S = 0.5  # the same, of which the module says nothing
 BOOT_S = 0.4
 _HALF_FRAME_S = 0.7  # a module in operation forgets a half frame after 0.5 s
 _CONFIGURATION_WORD = b"config"
@@ -166,10 +167,8 @@ def ask_for_configuration() -> Procedure[None]:
     In binary it takes the word only where a zero follows in its buffer: a half frame of zeros, forgotten after half
     a second, leaves it there. In ASCII the zeros make an empty line.
     """
-    yield Ask(b"\x00" * 8, Wait.QUIET, _HALF_FRAME_S)
-    yield Ask(b"\r\n", Wait.QUIET, _HALF_FRAME_S)
-    yield Ask(_CONFIGURATION_WORD, Wait.QUIET, _HALF_FRAME_S)
-    yield Ask(b"\r\n", Wait.QUIET, _FLASH_S)
+    yield Ask(b"\x00" * 8 + b"\r\n", Wait.QUIET, _HALF_FRAME_S)
+    yield Ask(_CONFIGURATION_WORD + b"\r\n", Wait.QUIET, _WORD_S)
 
 
 def _choose_processor() -> Procedure[None]:
