@@ -13,6 +13,7 @@ from shared.geometry.se2 import Pose2
 from shared.link.loopback import LoopbackLink, loopback_pair
 from shared.messages import (
     Ack,
+    Drive,
     GoTo,
     Heartbeat,
     Hello,
@@ -32,6 +33,7 @@ from shared.runtime.runner import LockstepRunner
 from station_gui.build import build_station
 from station_gui.comms.state import LinkState
 from station_gui.config import load_config
+from station_gui.mapping.snapshot import Tracking
 from station_gui.model.station import Station
 from tests.shared import samples
 
@@ -279,3 +281,101 @@ def test_a_robot_of_another_size_is_told(scene: Scene) -> None:
     assert "another size" not in scene.log()
     scene.send(dataclasses.replace(scene.hello, min_turning_radius_m=0.8))
     assert "r has another size than [car] in station.toml" in scene.log()
+
+
+def drive_through(scene: Scene, first: int, scans: int, odom_from_map: Pose2) -> None:
+    """The robot goes on where `with_map` left it, or elsewhere; its odometry has an origin of its own."""
+    for k in range(scans):
+        pose = Pose2(0.02 * k, 0.02 * k, 0.02 * k)
+        there = observation(first + k, pose)
+        scene.send(dataclasses.replace(there, odom_from_robot=odom_from_map @ pose))
+
+
+@pytest.mark.parametrize("localise", [False, True])
+def test_a_saved_map_is_opened_and_the_robot_found_in_it(scene: Scene, tmp_path: Path, localise: bool) -> None:
+    path = tmp_path / "room.labmap"
+    with_map(scene).station.save_map(path)
+    scene.run(0.1)
+    assert path.is_file()
+    scene.station.open_map(path, localise=localise)
+    scene.run(0.1)
+    opened = scene.station.view().snapshot
+    assert opened is not None
+    assert opened.tracking is Tracking.SEARCHING
+    assert opened.fixed == localise
+
+    drive_through(scene, 100, 25, Pose2(5.0, 5.0, 1.0))
+
+    found = scene.station.view().snapshot
+    assert found is not None
+    assert found.located
+    assert found.map_from_robot.distance_m(Pose2(0.48, 0.48, 0.48)) < 0.03
+    assert (len(found.trajectory) > len(opened.trajectory)) != localise
+    assert "map saved" in scene.log()
+    assert "map opened to localise in" in scene.log() if localise else "map opened to go on with" in scene.log()
+    assert "the robot's place is not known" in scene.log()
+    assert "the robot's place in the map is known" in scene.log()
+
+
+def test_a_goal_is_refused_while_the_robot_is_lost(scene: Scene, tmp_path: Path) -> None:
+    path = tmp_path / "room.labmap"
+    with_map(scene).station.save_map(path)
+    scene.station.open_map(path, localise=False)
+    scene.run(0.1)
+    scene.commands()
+    scene.station.go_to(1.0, 0.5)
+    scene.run(0.3)
+    assert scene.station.view().goal_m is None
+    assert not any(isinstance(command.command, GoTo) for command in scene.commands())
+    assert "go to is possible once the robot's place in the map is known" in scene.log()
+
+
+def test_a_robot_that_gets_lost_on_its_way_stands_still(scene: Scene) -> None:
+    with_map(scene).station.go_to(1.0, 0.5)
+    scene.run(0.3)
+    assert scene.station.view().goal_m is not None
+    scene.commands()
+    for k in range(12):  # carried to where nothing is as it was
+        there = observation(50 + k, Pose2(2.6, 1.7, 2.0))
+        ranges = np.where(np.isfinite(there.ranges_m), 0.5 * there.ranges_m + 0.1, 1.3).astype(np.float32)
+        scene.send(dataclasses.replace(there, odom_from_robot=Pose2(0.44, 0.0, 0.0), ranges_m=ranges))
+    scene.send(samples.telemetry(state=MissionState.COMMAND, stamp_s=7.0, faults=()))
+    scene.run(0.3)
+    assert scene.station.view().goal_m is None
+    assert any(command.command == Drive(0.0, 0.0) for command in scene.commands())
+    assert "goal given up: the robot's place in the map is no longer known" in scene.log()
+
+
+def test_files_that_cannot_be_used_are_told_and_the_map_stays(scene: Scene, tmp_path: Path) -> None:
+    path = tmp_path / "photo.labmap"
+    path.write_bytes(bytes(500))
+    before = with_map(scene).station.view().snapshot
+    scene.station.open_map(path, localise=False)
+    scene.station.save_map(path / "below.labmap")
+    scene.run(0.1)
+    assert f"{path}: is not a saved map" in scene.log()
+    assert "cannot be written" in scene.log()
+    assert scene.station.view().snapshot is before
+
+
+def test_there_is_nothing_to_save_before_the_first_scan(scene: Scene, tmp_path: Path) -> None:
+    scene.station.save_map(tmp_path / "room.labmap")
+    scene.run(0.1)
+    assert "there is no map to save yet" in scene.log()
+    assert list(tmp_path.glob("*.labmap*")) == []
+
+
+def test_a_robot_that_starts_again_has_to_be_found_in_the_map_that_was_given(scene: Scene, tmp_path: Path) -> None:
+    path = tmp_path / "room.labmap"
+    with_map(scene).station.save_map(path)
+    scene.station.open_map(path, localise=False)
+    drive_through(scene, 100, 25, Pose2(5.0, 5.0, 1.0))
+    before = scene.station.view().snapshot
+    assert before is not None
+    assert before.located
+    scene.send(dataclasses.replace(observation(0, Pose2()), boot_id=7))
+    after = scene.station.view().snapshot
+    assert after is not None
+    assert after.tracking is Tracking.SEARCHING
+    assert len(after.trajectory) == len(before.trajectory)
+    assert "it has to be found in the map" in scene.log()

@@ -7,6 +7,7 @@ import gc
 import itertools
 import math
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -92,6 +93,12 @@ class FakeOperator:
 
     def go_to(self, x_m: float, y_m: float) -> None:
         self.calls.append(("go_to", x_m, y_m))
+
+    def save_map(self, path: Path) -> None:
+        self.calls.append(("save_map", path))
+
+    def open_map(self, path: Path, *, localise: bool) -> None:
+        self.calls.append(("open_map", path, localise))
 
     def drive(self, speed_mps: float, steering_rad: float) -> None:
         self.calls.append(("drive", speed_mps, steering_rad))
