@@ -69,7 +69,7 @@ class Row:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = "Extract 3D objects from depth images and print the figures of table 4 of paper 1."
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="PNG (16 bit, mm), .npy(.gz) (m), PCD")
-    parser.add_argument("--intrinsics", type=_lens, metavar="FX,FY,CX,CY", help="of the camera, in pixels")
+    parser.add_argument("--intrinsics", type=parse_lens, metavar="FX,FY,CX,CY", help="of the camera, in pixels")
     parser.add_argument(
         "--mount",
         choices=("search", "robot", "none"),
@@ -99,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _lens(text: str) -> tuple[float, ...]:
+def parse_lens(text: str) -> tuple[float, ...]:
     try:
         values = tuple(float(word) for word in text.split(","))
     except ValueError:
@@ -111,8 +111,8 @@ def _lens(text: str) -> tuple[float, ...]:
 
 def _evaluate(path: Path, args: argparse.Namespace) -> Row:
     file = read_depth(path)
-    intrinsics = _intrinsics(path, file.image, args.intrinsics or file.lens_px)
-    mount = _mount(args.mount, file.image, intrinsics)
+    intrinsics = intrinsics_of(path, file.image, args.intrinsics or file.lens_px)
+    mount = mount_of(args.mount, file.image, intrinsics)
     try:
         extractor = ObjectExtractor(PerceptionConfig(), intrinsics, mount, np.random.default_rng(1))
     except ValueError as error:
@@ -133,7 +133,7 @@ def _compare(
     return compare_with_labels(image, labels, intrinsics, nodes_m, objects.edges.astype(np.int64), clusters(objects))
 
 
-def _intrinsics(path: Path, image: DepthImage, lens_px: tuple[float, ...] | None) -> Intrinsics:
+def intrinsics_of(path: Path, image: DepthImage, lens_px: tuple[float, ...] | None) -> Intrinsics:
     height, width = image.depth.shape
     if lens_px is None and path.suffix == ".png":
         lens_px = _KINECT_PX
@@ -142,7 +142,7 @@ def _intrinsics(path: Path, image: DepthImage, lens_px: tuple[float, ...] | None
     return Intrinsics(width, height, *lens_px)
 
 
-def _mount(choice: str, image: DepthImage, intrinsics: Intrinsics) -> Mount:
+def mount_of(choice: str, image: DepthImage, intrinsics: Intrinsics) -> Mount:
     if choice == "robot":
         return _ROBOT_MOUNT
     nowhere = CameraMount(0.0, 100.0, 0.0)

@@ -1,0 +1,237 @@
+"""`evaluate learners`: the three learners side by side at the same number of nodes (paper 1, table 2)."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import sys
+import time
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_app.drivers.base import DepthImage
+from robot_app.perception.config import LearningConfig, PerceptionConfig
+from robot_app.perception.fast_gng import FastGng, FastGngConfig
+from robot_app.perception.growing_neural_gas import GngConfig, GrowingNeuralGas
+from robot_app.perception.learner import Learner, Network
+from robot_app.perception.point_cloud import EdgeCloud, Mount
+from robot_app.perception.simplified_fast_gng import SimplifiedFastGng
+from shared.geometry.camera import Intrinsics
+from tools.evaluate.depth_files import DepthFileError, read_depth
+from tools.evaluate.extraction import intrinsics_of, mount_of, parse_lens
+from tools.evaluate.lab_frames import lab_camera, lab_frames
+
+_ROOM = 200  # nodes, as in the robot
+_STANDARD, _FAST, _SIMPLIFIED, _SHIPPED = "standard GNG", "FastGNG", "simplified FastGNG", "simplified, with evidence"
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """A row of table 2. `steps`: iterations of standard GNG, samples that FastGNG learned, phases of the simplified.
+
+    `length_scale`: what the lengths of table 3 were multiplied by to come to the number of nodes. `times_as_fast`: as
+    standard GNG. `node_error_mm`, `line_error_mm`: mean distance of the samples to the nearest node and connection.
+    """
+
+    learner: str
+    nodes: int
+    connections: int
+    steps: int
+    length_scale: float | None
+    learn_ms: float
+    times_as_fast: float
+    node_error_mm: float
+    line_error_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class FileFigures:
+    file: str
+    samples: int
+    learners: list[Figures]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Compare standard GNG, FastGNG and simplified FastGNG on the same samples (table 2 of paper 1)."
+    )
+    parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="PNG (16 bit, mm), .npy(.gz) (m), PCD")
+    parser.add_argument("--lab", action="store_true", help="take frames of the simulated lab too")
+    parser.add_argument("--intrinsics", type=parse_lens, metavar="FX,FY,CX,CY", help="of the camera, in pixels")
+    parser.add_argument("--nodes", type=int, default=150, help="that each network shall have (default 150)")
+    parser.add_argument("--runs", type=int, default=20, help="of which the median time counts (default 20)")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Exit code 1 when no frame has enough samples, 2 when a file cannot be read."""
+    rows: list[FileFigures] = []
+    skipped: list[str] = []
+    try:
+        for name, cloud in _clouds(args):
+            # The loops of equation 16 make 0.39 nodes a sample at the most.
+            if cloud.samples < 3 * args.nodes:
+                skipped.append(name)
+                continue
+            rows.append(FileFigures(name, cloud.samples, _compare(cloud, args.nodes, args.runs)))
+    except DepthFileError as error:
+        print(error, file=sys.stderr)
+        return 2
+    if skipped:
+        print(f"with too few samples for {args.nodes} nodes: {', '.join(skipped)}", file=sys.stderr)
+    if not rows:
+        return 1
+    rows.append(FileFigures("overall", round(statistics.median(row.samples for row in rows)), _overall(rows)))
+    if args.json:
+        named = {"files": [asdict(row) for row in rows[:-1]], "overall": asdict(rows[-1]), "skipped": skipped}
+        print(json.dumps(named))
+    else:
+        _print_table(rows)
+    return 0
+
+
+def _clouds(args: argparse.Namespace) -> list[tuple[str, EdgeCloud]]:
+    clouds = []
+    for path in args.files:
+        file = read_depth(path)
+        intrinsics = intrinsics_of(path, file.image, args.intrinsics or file.lens_px)
+        clouds.append(
+            (path.name, _cloud(path.name, file.image, intrinsics, mount_of("search", file.image, intrinsics)))
+        )
+    if args.lab:
+        frames = enumerate(lab_frames())
+        clouds += [(f"lab view {k}", _cloud(f"lab view {k}", image, *lab_camera())) for k, image in frames]
+    return clouds
+
+
+def _cloud(name: str, image: DepthImage, intrinsics: Intrinsics, mount: Mount) -> EdgeCloud:
+    try:
+        cloud = EdgeCloud(PerceptionConfig().edges, intrinsics, mount, np.random.default_rng(1))
+        cloud.update(image)
+    except ValueError as error:
+        raise DepthFileError(f"{name}: {error}") from error
+    return cloud
+
+
+def _compare(cloud: EdgeCloud, nodes: int, runs: int) -> list[Figures]:
+    """All learners on one cloud, in turns, so that what slows the machine slows all of them."""
+    learners: dict[str, tuple[Learner, float | None]] = {
+        _STANDARD: (GrowingNeuralGas(GngConfig(nodes=nodes), np.random.default_rng(1)), None),
+        **{name: _with_nodes(name, cloud, nodes) for name in (_FAST, _SIMPLIFIED, _SHIPPED)},
+    }
+    network = Network(_ROOM)
+    times_ms: dict[str, list[float]] = {name: [] for name in learners}
+    for turn in range(runs + 1):
+        for name, (learner, _) in learners.items():
+            began_s = time.perf_counter()
+            learner.learn(cloud, network)
+            if turn > 0:
+                times_ms[name].append(1e3 * (time.perf_counter() - began_s))
+    standard_ms = statistics.median(times_ms[_STANDARD])
+    return [
+        _figures(name, learner, scale, cloud, statistics.median(times_ms[name]), standard_ms)
+        for name, (learner, scale) in learners.items()
+    ]
+
+
+def _make(name: str, scale: float) -> Learner:
+    config = PerceptionConfig()
+    learning = _scaled(config.learning, scale)
+    if name == _FAST:
+        return FastGng(learning, FastGngConfig(), np.random.default_rng(1))
+    return SimplifiedFastGng(learning, config.refine, config.edges.max_samples, evidence=name == _SHIPPED)
+
+
+def _scaled(config: LearningConfig, scale: float) -> LearningConfig:
+    low, mid, high = config.min_length_m
+    far, further, furthest = config.max_length_m
+    return replace(
+        config,
+        min_length_m=(scale * low, scale * mid, scale * high),
+        max_length_m=(scale * far, scale * further, scale * furthest),
+        max_nodes=_ROOM,
+    )
+
+
+def _with_nodes(name: str, cloud: EdgeCloud, nodes: int) -> tuple[Learner, float]:
+    """The learner whose lengths are such that it makes about `nodes`."""
+    network = Network(_ROOM)
+    low, high = 0.1, 6.0
+    best_scale, best_off = 1.0, float("inf")
+    for _ in range(14):
+        scale = (low * high) ** 0.5
+        learner = _make(name, scale)
+        learner.learn(cloud, network)
+        if abs(network.nodes - nodes) < best_off:
+            best_scale, best_off = scale, abs(network.nodes - nodes)
+        low, high = (scale, high) if network.nodes > nodes else (low, scale)
+    return _make(name, best_scale), best_scale
+
+
+def _figures(
+    name: str, learner: Learner, scale: float | None, cloud: EdgeCloud, learn_ms: float, standard_ms: float
+) -> Figures:
+    network = Network(_ROOM)
+    learner.learn(cloud, network)
+    nodes_m = network.node_m[: network.nodes].astype(np.float64)
+    samples_m = cloud.sample_m[: cloud.samples].astype(np.float64)
+    pairs = network.connections()
+    steps = 3
+    if isinstance(learner, GrowingNeuralGas):
+        steps = learner.iterations
+    elif isinstance(learner, FastGng):
+        steps = learner.looked
+    return Figures(
+        name,
+        network.nodes,
+        len(pairs),
+        steps,
+        None if scale is None else round(scale, 3),
+        round(learn_ms, 3),
+        round(standard_ms / learn_ms, 2),
+        round(1e3 * float(np.linalg.norm(samples_m[:, None] - nodes_m[None], axis=2).min(axis=1).mean()), 1),
+        round(1e3 * _line_error_m(samples_m, nodes_m[pairs]), 1),
+    )
+
+
+def _line_error_m(points_m: NDArray[np.float64], segments_m: NDArray[np.float64]) -> float:
+    """Mean distance of the points (N, 3) to the nearest of the segments (S, 2, 3)."""
+    start, way = segments_m[:, 0], segments_m[:, 1] - segments_m[:, 0]
+    share = np.einsum("nsk,sk->ns", points_m[:, None] - start, way) / np.maximum((way**2).sum(axis=1), 1e-12)
+    foot = start + np.clip(share, 0.0, 1.0)[..., None] * way
+    return float(np.linalg.norm(points_m[:, None] - foot, axis=2).min(axis=1).mean())
+
+
+def _overall(rows: list[FileFigures]) -> list[Figures]:
+    """Medians over the files."""
+    table = []
+    for k, first in enumerate(rows[0].learners):
+        column = [row.learners[k] for row in rows]
+        table.append(
+            Figures(
+                first.learner,
+                round(statistics.median(f.nodes for f in column)),
+                round(statistics.median(f.connections for f in column)),
+                round(statistics.median(f.steps for f in column)),
+                None,
+                round(statistics.median(f.learn_ms for f in column), 3),
+                round(statistics.median(f.times_as_fast for f in column), 2),
+                round(statistics.median(f.node_error_mm for f in column), 1),
+                round(statistics.median(f.line_error_mm for f in column), 1),
+            )
+        )
+    return table
+
+
+def _print_table(rows: list[FileFigures]) -> None:
+    for row in rows:
+        print(f"{row.file}, {row.samples} samples")
+        names = list(asdict(row.learners[0]))
+        print("  " + names[0].ljust(26) + "".join(name.rjust(14) for name in names[1:]))
+        for figures in row.learners:
+            cells = ["-" if value is None else str(value) for value in list(asdict(figures).values())[1:]]
+            print("  " + figures.learner.ljust(26) + "".join(cell.rjust(14) for cell in cells))
