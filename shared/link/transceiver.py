@@ -44,7 +44,7 @@ class Transceiver:
         self.radios = tuple(RadioPort(self, radio) for radio in range(t.RADIOS))
         self._thread = threading.Thread(target=self._run, name=f"transceiver {name}", daemon=True)
         self._thread.start()
-        if not self.wait_until_up(start_up_s):
+        if not self._started(start_up_s):
             trouble = self.trouble
             self.close()
             raise LinkError(f"{name}: no transceiver: {trouble}")
@@ -69,6 +69,12 @@ class Transceiver:
     def wait_until_up(self, timeout_s: float) -> bool:
         with self._changed:
             return self._changed.wait_for(lambda: self._session.is_up, timeout_s)
+
+    def _started(self, timeout_s: float) -> bool:
+        """It is up, or it is clear that it will never be."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._session.is_up or self._session.state is State.REFUSED, timeout_s)
+            return self._session.is_up
 
     def close(self) -> None:
         """Let go of the port; may be called twice."""

@@ -63,6 +63,7 @@ class Task(IntEnum):
     SESSION = 5
     HEALTH = 6
     SUPERVISOR = 7
+    REST = 8  # between two turns
 
 
 class Port(IntEnum):

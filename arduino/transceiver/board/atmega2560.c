@@ -4,6 +4,7 @@
 
 #include <avr/interrupt.h>
 #include <avr/io.h>
+#include <avr/sleep.h>
 #include <avr/wdt.h>
 #include <util/atomic.h>
 
@@ -179,6 +180,27 @@ static void pull_up_receivers(void)
 }
 
 // ---- supervision
+
+static bool all_is_read(void)
+{
+    for (uint8_t port = 0; port < PORT_COUNT; port++)
+        if (ring_used(&uarts[port].in))
+            return false;
+    return true;
+}
+
+void board_rest(void)
+{
+    current_task = TASK_REST;
+    cli();
+    if (all_is_read()) {
+        SMCR = _BV(SE); // idle: clock and ports go on
+        sei(); // takes effect after the next instruction: no interrupt can come between
+        sleep_cpu();
+        SMCR = 0;
+    }
+    sei();
+}
 
 void board_enter_task(uint8_t task) { current_task = task; }
 

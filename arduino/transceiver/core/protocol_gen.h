@@ -5,7 +5,7 @@
 
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "numbers lie in memory as on the wire");
 
-#define PROTOCOL_FINGERPRINT 0xB604u
+#define PROTOCOL_FINGERPRINT 0x2E6Du
 #define FIRMWARE_MAJOR 1u
 #define FIRMWARE_MINOR 0u
 #define USB_BAUD 500000ul
@@ -59,7 +59,8 @@ enum task {
     TASK_SESSION = 5,
     TASK_HEALTH = 6,
     TASK_SUPERVISOR = 7,
-    TASK_COUNT = 8,
+    TASK_REST = 8,
+    TASK_COUNT = 9,
 };
 
 enum port {

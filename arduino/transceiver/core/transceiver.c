@@ -143,7 +143,7 @@ static void to_hosts(uint16_t now_ms)
         board_send(PORT_USB);
 }
 
-static void (*const tasks[TASK_COUNT])(uint16_t now_ms) = {
+static void (*const tasks[TASK_REST])(uint16_t now_ms) = {
     [TASK_FROM_HOST] = from_host, [TASK_TO_RADIO] = to_radios,      [TASK_FROM_RADIO] = from_radios,
     [TASK_TO_HOST] = to_hosts,    [TASK_COMMAND] = command_task,    [TASK_SESSION] = session_task,
     [TASK_HEALTH] = health_task,  [TASK_SUPERVISOR] = supervisor_task,
@@ -162,7 +162,7 @@ void transceiver_loop(void)
 {
     uint16_t began_4us = board_now_4us();
     uint16_t now_ms = board_now_ms();
-    for (uint8_t task = 0; task < TASK_COUNT; task++) {
+    for (uint8_t task = 0; task < TASK_REST; task++) {
         board_enter_task(task);
         tasks[task](now_ms);
     }

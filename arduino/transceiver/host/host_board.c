@@ -28,6 +28,7 @@ uint16_t board_now_4us(void) { return (uint16_t)(board.now_ms * 250u); }
 void board_send(uint8_t port) { board.is_idle[port] = false; }
 bool board_is_idle(uint8_t port) { return board.is_idle[port]; }
 void board_reset_radio(uint8_t radio, bool low) { board.is_low[radio] = low; }
+void board_rest(void) {}
 void board_enter_task(uint8_t task) { (void)task; }
 uint16_t board_free_ram(void) { return 1234; }
 bool board_stack_is_whole(void) { return true; }

@@ -135,6 +135,9 @@ static void quiet(avr_t *of, const int level, const char *format, va_list argume
     (void)of, (void)level, (void)format, (void)arguments;
 }
 
+// Time goes on while the processor sleeps; the caller paces it.
+static void pass_time(avr_t *of, avr_cycle_count_t cycles) { (void)of, (void)cycles; }
+
 bool mcu_open(const char *firmware, const char *boot_loader)
 {
     avr_global_logger_set(quiet);
@@ -144,6 +147,8 @@ bool mcu_open(const char *firmware, const char *boot_loader)
     avr_init(avr);
     avr->frequency = FREQUENCY_HZ;
     avr->log = LOG_ERROR;
+    avr->sleep = pass_time;
+    avr->run_cycle_limit = FEED_EVERY_CYCLES;
     memset(avr->flash, 0xFF, avr->flashend + 1u);
     if (!load(firmware) || (boot_loader && !load(boot_loader)))
         return false;
