@@ -26,9 +26,11 @@ _OVERLAP_M = 0.30  # surfaces farther apart are not the same
 _INLIER_M = 0.05
 _SCALES_M = (0.20, 0.08, 0.03)  # of the Cauchy weight
 _ITERATIONS = 15
-_STARTS_M = (-0.3, 0.0, 0.3)
-_STARTS_RAD = (-math.radians(8.0), 0.0, math.radians(8.0))
-_MAX_POINTS = 5_000
+_STARTS_M = np.linspace(-0.75, 0.75, 11)
+_STARTS_RAD = np.radians(np.linspace(-12.0, 12.0, 9))
+_START_SCALE_M = 0.10
+_DESCENTS = 12  # of the starts, the best ones
+_REFERENCE_POINTS, _QUERY_POINTS = 10_000, 1_500
 _MIN_POINTS = 200
 
 
@@ -37,7 +39,8 @@ class Revisit:
     """`median_m`, `p95_m`: distances between the surfaces that both visits saw, as the map has them.
 
     `offset_m`, `offset_deg`: the motion, about the robot's place at the visit, that aligns them best.
-    `overlap`: share of the last visit's points that lie on surfaces of the first.
+    `overlap`: share of the last visit's points that lie on surfaces of the first, once aligned. The distances are not
+    a number where the map has the surfaces too far apart to call them the same.
     """
 
     first_scans: int
@@ -74,27 +77,28 @@ def revisit(cloud: Cloud, poses: FloatArray) -> Revisit | None:
     reference, query = cloud[np.isin(cloud.scan, first)], cloud[np.isin(cloud.scan, last)]
     if min(len(reference), len(query)) < _MIN_POINTS:
         return None
-    reference, query = _thinned(reference), _thinned(query)
+    reference, query = _thinned(reference, _REFERENCE_POINTS), _thinned(query, _QUERY_POINTS)
     middle_m = poses[last, :2].mean(axis=0)
     matcher = _Matcher(reference, query, middle_m)
-    distance_m = matcher.distances_m(Pose2())
-    if len(distance_m) < _MIN_POINTS:
-        return None
     offset = matcher.best_offset()
+    distance_m, aligned_m = matcher.distances_m(Pose2()), matcher.distances_m(offset)
+    if len(aligned_m) < _MIN_POINTS:
+        return None
+    known = len(distance_m) >= _MIN_POINTS
     return Revisit(
         first_scans=len(first),
         last_scans=len(last),
-        overlap=len(distance_m) / len(query),
-        median_m=float(np.median(distance_m)),
-        p95_m=float(np.percentile(distance_m, 95)),
+        overlap=len(aligned_m) / len(query),
+        median_m=float(np.median(distance_m)) if known else math.nan,
+        p95_m=float(np.percentile(distance_m, 95)) if known else math.nan,
         offset_m=math.hypot(offset.x_m, offset.y_m),
         offset_deg=math.degrees(offset.theta_rad),
-        aligned_median_m=float(np.median(matcher.distances_m(offset))),
+        aligned_median_m=float(np.median(aligned_m)),
     )
 
 
-def _thinned(cloud: Cloud) -> Cloud:
-    step = max(1, math.ceil(len(cloud) / _MAX_POINTS))
+def _thinned(cloud: Cloud, points: int) -> Cloud:
+    step = max(1, math.ceil(len(cloud) / points))
     return cloud[np.arange(0, len(cloud), step)]
 
 
@@ -115,12 +119,14 @@ class _Matcher:
 
     def best_offset(self) -> Pose2:
         """Of many starts the one that ends with the most points on surfaces."""
-        ends = (self._descend(Pose2(x, y, turn)) for x, y, turn in itertools.product(_STARTS_M, _STARTS_M, _STARTS_RAD))
-        return max(ends, key=self._score)
+        starts = [Pose2(*start) for start in itertools.product(_STARTS_M, _STARTS_M, _STARTS_RAD)]
+        starts.sort(key=lambda start: -self._score(start, _START_SCALE_M))
+        ends = [self._descend(start) for start in (Pose2(), *starts[:_DESCENTS])]
+        return max(ends, key=lambda end: self._score(end, _INLIER_M))
 
-    def _score(self, offset: Pose2) -> float:
+    def _score(self, offset: Pose2, scale_m: float) -> float:
         residual_m, _, same = self._compare(offset)
-        return float(np.where(same, 1 / (1 + np.square(residual_m / _INLIER_M)), 0.0).sum())
+        return float(np.where(same, 1 / (1 + np.square(residual_m / scale_m)), 0.0).sum())
 
     def _descend(self, offset: Pose2) -> Pose2:
         for scale_m in _SCALES_M:
