@@ -37,6 +37,14 @@ def compose_all(a: FloatArray, b: FloatArray) -> FloatArray:
     )
 
 
+def between_all(a: FloatArray, b: FloatArray) -> FloatArray:
+    """inv(a) @ b row by row: (N, 3) and (N, 3)."""
+    c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
+    dx, dy = b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]
+    turn = np.remainder(b[:, 2] - a[:, 2] + math.pi, math.tau) - math.pi
+    return np.column_stack((c * dx + s * dy, c * dy - s * dx, turn))
+
+
 def rotate_information(information: FloatArray, theta_rad: float) -> FloatArray:
     """(3, 3) information about (x, y, theta) in a frame turned by `theta_rad` against the one it is given in."""
     c, s = math.cos(theta_rad), math.sin(theta_rad)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from station_gui.mapping.slam2d.config import GridConfig, NormalConfig
 from station_gui.mapping.slam2d.particle.blocks.block_maps import BlockMapConfig
+from station_gui.mapping.slam2d.particle.closing.loop_closer import ClosingConfig
 from station_gui.mapping.slam2d.particle.proposal.proposer import ProposalConfig
 
 
@@ -32,6 +33,7 @@ class ParticleSlamConfig:
     maps: BlockMapConfig = field(default_factory=BlockMapConfig)
     proposal: ProposalConfig = field(default_factory=ProposalConfig)
     update: UpdateConfig = field(default_factory=UpdateConfig)
+    closing: ClosingConfig = field(default_factory=ClosingConfig)
     grid: GridConfig = field(default_factory=GridConfig)
 
     def __post_init__(self) -> None:

@@ -8,6 +8,7 @@ matched on the best particle's map, and ride on its last step.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +22,14 @@ from station_gui.mapping.slam2d.keyframes import Keyframe, Placed
 from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, to_lines
 from station_gui.mapping.slam2d.particle.ancestry import Ancestry
 from station_gui.mapping.slam2d.particle.blocks.block_maps import BlockMaps
+from station_gui.mapping.slam2d.particle.closing.loop_closer import LoopCloser
+from station_gui.mapping.slam2d.particle.closing.loop_finder import Way
+from station_gui.mapping.slam2d.particle.closing.path_bender import Bent
 from station_gui.mapping.slam2d.particle.config import ParticleSlamConfig
 from station_gui.mapping.slam2d.particle.proposal.proposer import Proposer
 from station_gui.mapping.slam2d.particle.resampling import effective_number, normalised, systematic
 from station_gui.mapping.slam2d.particle.stored import steps_of, to_saved
-from station_gui.mapping.slam2d.se2_arrays import between, compose
+from station_gui.mapping.slam2d.se2_arrays import between, compose, compose_all
 from station_gui.mapping.snapshot import GridMap
 
 FloatArray = NDArray[np.float64]
@@ -39,6 +43,7 @@ class ParticleSlam:
         self._rng = rng
         self._maps = BlockMaps(config.maps, config.particles)
         self._proposer = Proposer(config.proposal, self._maps)
+        self._closer = LoopCloser(config.closing, self._maps)
         self._ancestry = Ancestry()
         self._ends = np.full(config.particles, -1, np.int64)  # the particles' newest nodes
         self._poses = np.zeros((config.particles, 3))  # at the last step
@@ -52,7 +57,9 @@ class ParticleSlam:
         self._odometry = Pose2()
         self._lost_scans = 0
         self._revision = 0
-        self._path: tuple[int, FloatArray] = (0, np.zeros((0, 3)))  # the best one's after so many steps
+        self._in_map: list[bool] = []  # of each step, whether its scan is
+        self._path_end = -1
+        self._path = np.zeros((0, 3))  # to that end
         self._grid = OccupancyGrid(config.grid)
         self._grid_revision = 0  # that the grid was last drawn for
 
@@ -67,7 +74,8 @@ class ParticleSlam:
 
     def load(self, saved: SavedMap) -> None:
         """Begin with this map, the same for all particles; the next scan has to come by `resume`."""
-        self._steps, poses = steps_of(saved)
+        steps, poses = steps_of(saved)
+        self._steps = [replace(step, node=0) for step in steps]
         end = np.full(1, -1, np.int64)
         for step, pose in zip(self._steps, poses, strict=True):
             self._maps.insert(0, step.lines(), pose)
@@ -75,6 +83,8 @@ class ParticleSlam:
         self._maps.adopt(np.zeros(len(self._poses), np.int64))
         self._ends[:] = end[0]
         self._poses[:] = poses[-1]
+        self._in_map = [True] * len(self._steps)
+        self._closer.course.begin_given()
 
     def saved(self) -> SavedMap:
         """The map of the best particle."""
@@ -85,7 +95,7 @@ class ParticleSlam:
         lines = self._lines(scan)
         self._poses[:] = map_from_robot.as_array()
         self._lost_scans = 0
-        self._record(scan, lines, np.ones(len(self._poses), bool))
+        self._record(scan, lines, np.ones(len(self._poses), bool), np.eye(3))
         return self._added(scan)
 
     @property
@@ -106,11 +116,15 @@ class ParticleSlam:
 
     def _added(self, scan: PointScan) -> Pose2:
         self._odometry = scan.odom_from_robot
+        self._close()
         self._scans.append(len(self._steps) - 1, self._rel)
         return Pose2.from_array(compose(self._poses[self._best], self._rel))
 
     def finish(self) -> None:
-        """Draw the grid afresh, so that it depends on the scans alone."""
+        """Close the last loops, and draw the grid afresh, so that it depends on the scans alone."""
+        if self._steps:
+            while self._closer.busy:
+                self._close(last=True)
         self._grid = OccupancyGrid(self._config.grid)
 
     def pose_of_scan(self, index: int) -> Pose2:
@@ -128,8 +142,7 @@ class ParticleSlam:
         return np.column_stack((np.array([step.stamp_s for step in self._steps]), self._step_poses()))
 
     def closures(self) -> NDArray[np.int32]:
-        """None: a particle closes a loop by going on in its map."""
-        return np.zeros((0, 2), np.int32)
+        return self._closer.closures()
 
     def grid(self) -> GridMap:
         poses = self._step_poses()
@@ -143,7 +156,7 @@ class ParticleSlam:
     def _begin(self, scan: PointScan, lines: LineScan) -> None:
         """All particles at the first odometry pose."""
         self._poses[:] = scan.odom_from_robot.as_array()
-        self._record(scan, lines, np.ones(len(self._poses), bool))
+        self._record(scan, lines, np.ones(len(self._poses), bool), np.eye(3))
 
     def _track(self, scan: PointScan, lines: LineScan) -> None:
         """Predict by odometry, correct on the best particle's map, and step when the robot has gone far enough."""
@@ -178,7 +191,7 @@ class ParticleSlam:
 
     def _step(self, scan: PointScan, lines: LineScan) -> None:
         """Algorithm 1: propose, weigh, resample, extend the maps."""
-        log_factors, matched = self._propose(lines)
+        log_factors, matched, information = self._propose(lines)
         gained = self._config.update.weight_gain * (log_factors - log_factors.max())
         self._log_weights += gained
         self._log_evidence += gained
@@ -186,51 +199,114 @@ class ParticleSlam:
         best_before = int(self._ends[self._best])
         wanting = effective_number(weights) < self._config.update.resample_share * len(weights)
         if wanting or self._maps.nearly_full:
-            matched = matched[self._resample(weights)]
+            parents = self._resample(weights)
+            matched, information = matched[parents], information[parents]
         self._best = int(np.argmax(self._log_evidence))
         if int(self._ends[self._best]) != best_before:
             self._revision += 1
-        self._record(scan, lines, matched)
+        self._record(scan, lines, matched, information[self._best])
 
-    def _propose(self, lines: LineScan) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """(N,) factors of the weights and (N,) whether the match was believed; the particles move."""
+    def _propose(self, lines: LineScan) -> tuple[FloatArray, NDArray[np.bool_], FloatArray]:
+        """(N,) factors of the weights, (N,) whether the match was believed, (N, 3, 3) its information.
+
+        The particles move.
+        """
         sigma = self._proposer.odometry_sigma(self._odometry_rel)
         deviates = self._rng.standard_normal(self._poses.shape)
         log_factors = np.zeros(len(self._poses))
         matched = np.zeros(len(self._poses), bool)
+        information = np.zeros((len(self._poses), 3, 3))
         for particle, base in enumerate(self._poses.copy()):
             start, prior = compose(base, self._rel), compose(base, self._odometry_rel)
             proposed = self._proposer.propose(particle, lines, start, prior, sigma, deviates[particle])
             self._poses[particle] = proposed.pose
             log_factors[particle] = proposed.log_weight
             matched[particle] = proposed.matched
-        return log_factors, matched
+            information[particle] = proposed.information
+        return log_factors, matched, information
 
     def _resample(self, weights: FloatArray) -> NDArray[np.int64]:
         parents = systematic(weights, float(self._rng.random()))
+        self._take_over(parents)
+        self._log_weights = np.zeros(len(parents))
+        return parents
+
+    def _take_over(self, parents: NDArray[np.int64]) -> None:
+        """Particle i becomes a copy of `parents[i]`."""
         self._maps.adopt(parents)
         self._poses = self._poses[parents]
         self._ends = self._ends[parents]
         self._log_evidence = self._log_evidence[parents]
-        self._log_weights = np.zeros(len(parents))
-        return parents
 
-    def _record(self, scan: PointScan, lines: LineScan, matched: NDArray[np.bool_]) -> None:
+    def _record(self, scan: PointScan, lines: LineScan, matched: NDArray[np.bool_], information: FloatArray) -> None:
         """A new node for every particle; a scan that does not fit stays out of the map for a while."""
         self._ends = self._ancestry.extend(self._ends, self._poses)
+        self._path_end = -1
         patient = self._lost_scans <= self._config.update.patience_scans
-        for particle, pose in enumerate(self._poses):
-            if matched[particle] or not patient:
-                self._maps.insert(particle, lines, pose)
+        in_map = matched | (not patient)
+        self._closer.add_step(self._way(), information)
+        age = self._closer.course.nodes - 1
+        for particle in np.flatnonzero(in_map).tolist():
+            self._maps.insert(particle, lines, self._poses[particle], age)
         points, normals = lines.points_m.astype(np.float32), lines.normals.astype(np.float32)
-        self._steps.append(Keyframe(scan.stamp_s, len(self._steps), np.zeros(3), points, normals, scan.origin_m))
+        self._steps.append(Keyframe(scan.stamp_s, age, np.zeros(3), points, normals, scan.origin_m))
+        self._in_map.append(bool(in_map[self._best]))
         self._rel = np.zeros(3)
         self._odometry_rel = np.zeros(3)
 
+    def _close(self, last: bool = False) -> None:
+        """A bounded share of what closing loops takes; `last`: nothing is worth waiting for."""
+        bent = self._closer.work(self._way(), self._ancestry, int(self._ends[self._best]), last)
+        if bent is not None:
+            self._move(bent)
+
+    def _move(self, bent: Bent) -> None:
+        """All particles move to the bent path and its map; those that parted late keep what they differ in."""
+        steps, trunk = len(self._steps), bent.trunk
+        heirs = self._of_one_stem(trunk.steps, trunk.name)
+        if not heirs.any():
+            self._closer.failed(bent)
+            return
+        self._best = int(np.argmax(np.where(heirs, self._log_evidence, -np.inf)))
+        corrections = bent.of_steps(self._closer.course.node_of_steps(steps))
+        self._ancestry.bend(corrections)
+        self._poses = compose_all(np.tile(corrections[-1], (len(self._poses), 1)), self._poses)
+        self._path_end = -1
+        late = self._draw_bent(bent)
+        parents = np.where(late, np.arange(len(late)), self._best)
+        self._take_over(parents)
+        self._log_weights = self._log_weights[parents]
+        self._revision += 1
+
+    def _draw_bent(self, bent: Bent) -> NDArray[np.bool_]:
+        """The rest of the map, the last steps for each particle that shares the ones before: (N,), which do."""
+        steps, end = len(self._steps), int(self._ends[self._best])
+        split = max(bent.trunk.steps, steps - self._config.closing.bend.tail_steps)
+        path = self._ancestry.path(end)
+        for step in range(bent.trunk.steps, split):
+            if self._in_map[step]:
+                self._maps.draw_spare(self._steps[step].lines(), path[step], self._steps[step].node, bent.joined)
+        self._maps.adopt_spare()
+        self._closer.made(bent)
+        late = self._of_one_stem(split, self._ancestry.name_of_ancestor(end, split - 1))
+        for particle in np.flatnonzero(late).tolist():
+            path = self._ancestry.path(int(self._ends[particle]))
+            for step in range(split, steps):
+                if self._in_map[step]:
+                    self._maps.insert(particle, self._steps[step].lines(), path[step], self._steps[step].node)
+        return late
+
+    def _of_one_stem(self, steps: int, name: int) -> NDArray[np.bool_]:
+        """(N,): whose path of so many steps ends in the node with this name."""
+        names = [self._ancestry.name_of_ancestor(int(end), steps - 1) for end in self._ends]
+        return np.asarray(np.array(names) == name)
+
+    def _way(self) -> Way:
+        return Way(self._closer.course, self._step_poses(), self._steps, self._in_map)
+
     def _step_poses(self) -> FloatArray:
         """(steps, 3): the best particle's path."""
-        if not self._steps:
-            return np.zeros((0, 3))
-        if self._path[0] != len(self._steps):
-            self._path = (len(self._steps), self._ancestry.path(int(self._ends[self._best])))
-        return self._path[1]
+        end = int(self._ends[self._best])
+        if self._path_end != end:
+            self._path_end, self._path = end, self._ancestry.path(end)
+        return self._path

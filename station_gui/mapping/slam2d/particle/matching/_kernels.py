@@ -21,8 +21,10 @@ from station_gui.mapping.slam2d.particle.blocks._kernels import (
     NONE_NEAR,
     SIDE,
     SIDE_BITS,
+    UNIT,
     Blocks,
     block_at,
+    counts_in,
     distance2,
 )
 
@@ -70,12 +72,14 @@ def associate(
                 continue
         r = row & (SIDE - 1)
         q = column & (SIDE - 1)
-        if blocks.surfels[holder, r, q, 0] == 0.0:  # the room for blocks had run out
+        if blocks.surfels[holder, r, q, 0] == 0:  # the room for blocks had run out
             continue
-        nx = float(blocks.surfels[holder, r, q, 3])
-        ny = float(blocks.surfels[holder, r, q, 4])
-        surfels[i, 1] = blocks.surfels[holder, r, q, 1]
-        surfels[i, 2] = blocks.surfels[holder, r, q, 2]
+        if blocks.joined[blocks.surfels[holder, r, q, 5]] == 0:
+            continue
+        surfels[i, 1] = (column + blocks.surfels[holder, r, q, 1] / UNIT) * cell_m
+        surfels[i, 2] = (row + blocks.surfels[holder, r, q, 2] / UNIT) * cell_m
+        nx = blocks.surfels[holder, r, q, 3] / UNIT
+        ny = blocks.surfels[holder, r, q, 4] / UNIT
         length = math.hypot(nx, ny)
         if length <= 0.5:
             surfels[i, 0] = 2.0
@@ -260,7 +264,7 @@ def correlate(
                     block = block_at(blocks, particle, row, column)
                     if block >= 0:
                         d2 = distance2(blocks.nearest[block, row & (SIDE - 1), column & (SIDE - 1)])
-                        if d2 < likelihood.shape[0]:
+                        if d2 < likelihood.shape[0] and counts_in(blocks, particle, block, row, column):
                             total += likelihood[d2]
                 if total > best_sum:
                     best_sum = total

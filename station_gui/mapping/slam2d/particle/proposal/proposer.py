@@ -59,11 +59,15 @@ class Matched:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Proposed:
-    """A particle's next pose, (3,), the logarithm of its weight's factor, and whether the match was believed."""
+    """A particle's next pose, (3,), the logarithm of its weight's factor, and whether the match was believed.
+
+    `information`: (3, 3) of the pose, map frame.
+    """
 
     pose: FloatArray
     log_weight: float
     matched: bool
+    information: FloatArray
 
 
 class Proposer:
@@ -120,9 +124,10 @@ class Proposer:
                 config.spread * deviates, pose,
             )  # fmt: skip
         if math.isfinite(log_weight):
-            return Proposed(pose, log_weight, matched=True)
+            return Proposed(pose, log_weight, matched=True, information=match.system / config.noise_m**2)
         pose = start + sigma * deviates  # algorithm 1, line 7: the motion model
-        return Proposed(pose, self._log_likelihood(particle, scan, pose), matched=False)
+        log_weight = self._log_likelihood(particle, scan, pose)
+        return Proposed(pose, log_weight, matched=False, information=np.diag(1.0 / sigma**2))
 
     def _log_likelihood(self, particle: int, scan: LineScan, pose: FloatArray) -> float:
         config = self._config

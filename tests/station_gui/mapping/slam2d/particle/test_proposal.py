@@ -27,7 +27,7 @@ def _lines(scan: PointScan) -> LineScan:
 
 def _known_room(walls: FloatArray, make: ScanMaker) -> tuple[BlockMaps, LineScan]:
     """A map of ten scans, and one more scan of the same place."""
-    maps = BlockMaps(BlockMapConfig(max_places=1000, max_blocks=2000), 1)
+    maps = BlockMaps(BlockMapConfig(max_places=4000, max_blocks=8000), 1)
     rng = np.random.default_rng(2)
     for _ in range(10):
         maps.insert(0, _lines(make(walls, Pose2.from_array(_POSE), rng)), _POSE)

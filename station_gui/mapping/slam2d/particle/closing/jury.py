@@ -1,0 +1,47 @@
+"""Which closures are believed."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station_gui.mapping.slam2d.particle.closing.config import SearchConfig
+from station_gui.mapping.slam2d.particle.closing.course import Closure
+from station_gui.mapping.slam2d.se2_arrays import between, compose
+
+FloatArray = NDArray[np.float64]
+
+
+class Jury:
+    """What agrees with the path is believed; what does not needs a second closure that says the same."""
+
+    def __init__(self, config: SearchConfig) -> None:
+        self._config = config
+        self._unconfirmed: deque[Closure] = deque(maxlen=config.max_unconfirmed)
+
+    def judge(self, closure: Closure, poses: FloatArray) -> list[Closure]:
+        """Those that are believed now; `poses`: (nodes, 3), the path."""
+        expected = compose(poses[closure.old], closure.measured)
+        correction = between(poses[closure.new], expected)
+        if not closure.searched or np.hypot(correction[0], correction[1]) < self._config.agreement_m:
+            return [closure]
+        agreeing = [other for other in self._unconfirmed if self._agree(other, closure, poses)]
+        if not agreeing:
+            self._unconfirmed.append(closure)
+            return []
+        for other in agreeing:
+            self._unconfirmed.remove(other)
+        return [*agreeing, closure]
+
+    def _agree(self, a: Closure, b: Closure, poses: FloatArray) -> bool:
+        """Both closures move the new place in the same way."""
+        config = self._config
+        if a.new == b.new or abs(a.new - b.new) > config.agreement_nodes:
+            return False
+        by_a = compose(compose(poses[a.old], a.measured), between(poses[a.new], poses[b.new]))
+        difference = between(compose(poses[b.old], b.measured), by_a)
+        return bool(
+            np.hypot(difference[0], difference[1]) < config.agreement_m and abs(difference[2]) < config.agreement_rad
+        )
