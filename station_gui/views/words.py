@@ -99,6 +99,8 @@ def lost_hint(snapshot: MapSnapshot) -> str:
     """What stands across the map while the robot has no place in it; two lines."""
     if snapshot.tracking is Tracking.LOST:
         return "LOST\nNo place of the map fits what the robot sees"
+    if snapshot.places == 1:
+        return "LOOKING FOR THE ROBOT\nOne place may be it: driving on makes sure"
     if snapshot.places:
         return f"LOOKING FOR THE ROBOT\n{snapshot.places} places may be it: driving on tells them apart"
     return "LOOKING FOR THE ROBOT\nin the whole map"
@@ -128,6 +130,8 @@ def mission_sentence(view: OperatorView, stale_after_s: float) -> str:
     if view.telemetry.state is MissionState.COMMAND and not view.telemetry.stop_reason and view.goal_m is not None:
         return _goal_sentence(view, view.goal_m)
     lost = tracking_sentence(view.snapshot) if view.snapshot is not None else ""
+    if lost and view.telemetry.state is MissionState.COMMAND and not view.telemetry.stop_reason:
+        return f"{lost} Drive it by hand until then."
     return f"{lost} {telemetry_sentence(view.telemetry)}".strip()
 
 
