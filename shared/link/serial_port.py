@@ -6,6 +6,7 @@ import contextlib
 import errno
 import os
 import select
+import termios
 
 import serial
 
@@ -29,7 +30,7 @@ class SerialPort:
         except (OSError, ValueError) as error:
             raise LinkError(f"{name}: {_reason(error)}") from error
         # Adapters keep bytes back for up to 16 ms otherwise; ports without the setting answer with any of these.
-        with contextlib.suppress(OSError, ValueError, AttributeError, NotImplementedError):
+        with contextlib.suppress(OSError, ValueError, AttributeError, NotImplementedError, termios.error):
             self._serial.set_low_latency_mode(True)
 
     def write(self, data: bytes) -> None:
@@ -64,14 +65,14 @@ class SerialPort:
         try:
             port.flush()  # what was written goes out at the old rate
             port.baudrate = baud_rate
-        except (OSError, ValueError, TypeError) as error:
+        except (OSError, ValueError, TypeError, termios.error) as error:  # the last is no OSError
             raise self._lost(error) from error
         return True
 
     def close(self) -> None:
         port, self._serial = self._serial, None
         if port is not None:
-            with contextlib.suppress(OSError):
+            with contextlib.suppress(OSError, termios.error):
                 port.close()
 
     def _open_port(self) -> serial.Serial:
@@ -82,7 +83,7 @@ class SerialPort:
     def _lost(self, error: Exception | None) -> LinkError:
         if self._serial is None:
             return LinkError(f"{self.name}: the port was closed")
-        reason = "the port is gone" if error is None else str(getattr(error, "strerror", None) or error)
+        reason = "the port is gone" if error is None else str(getattr(error, "strerror", None) or error.args[-1])
         return LinkError(f"{self.name}: lost: {reason}. Is the cable still plugged in?")
 
 

@@ -200,7 +200,6 @@ class Mac:
         bandwidth_hz = self._settings.bandwidth_hz
         wait_s = 0.0 if first else sense_wait_s(bandwidth_hz)
         took_s = wait_s + sense_s(bandwidth_hz)
-        self._occupy(took_s)
 
         def read() -> None:
             now_s = self._timeline.now_s
@@ -212,6 +211,7 @@ class Mac:
                 self._judge(then, good + 1, bad)
 
         self._later(took_s, read)
+        self._occupy(took_s)  # after it, so that one reading follows the other without a byte taken in between
 
     def _judge(self, then: Callable[[bool], None], good: int, bad: int) -> None:
         if good == 2 or bad == CARRIER_SENSE_TRIES:
