@@ -9,12 +9,15 @@ from robot_app.perception.learner import Network
 from robot_app.perception.learners.simplified import _kernels as kernels
 from robot_app.perception.point_cloud import EdgeCloud
 
+_APART_M = 64.0  # curves are learned so far from each other: more than the greatest range times the greatest detail
+
 
 class SimplifiedFastGng:
     """The learner of steps 2-7.
 
-    With `evidence` it looks whether edge points lie under a connection before it makes it, as the extraction wants it;
-    without, it does what the paper's text says and no more.
+    With `evidence` it looks whether edge points lie under a connection before it makes it, as the extraction wants it,
+    a node keeps away those of its own curve only, and small curves are drawn finer (`curve_detail`); without, it does
+    what the paper's text says and no more.
     """
 
     def __init__(
@@ -28,7 +31,8 @@ class SimplifiedFastGng:
         self._per_node = np.array(config.samples_per_node, np.float64)
         blocks = -(-max_samples // kernels.LANES)
         shape = (blocks, kernels.LANES)
-        self._place = np.zeros((blocks, 3, kernels.LANES), np.float32)
+        self._point, self._place = np.zeros((2, blocks, 3, kernels.LANES), np.float32)
+        self._node_place = np.zeros((config.max_nodes, 3), np.float32)
         self._weight, self._near, self._chance = np.zeros((3, *shape), np.float32)
         self._curve = np.zeros(shape, np.int32)
         self._starts = np.zeros(kernels.BUCKETS + 1, np.int32)
@@ -42,13 +46,23 @@ class SimplifiedFastGng:
 
     def learn(self, cloud: EdgeCloud, network: Network) -> None:
         """Grow `network` anew over the samples of `cloud`."""
-        samples = self._place, self._weight, self._curve, self._bound
+        samples = self._point, self._place, self._weight, self._curve, self._bound
+        apart_m = _APART_M if self._evidence else 0.0
         blocks = kernels.sort_samples(
-            cloud.sample_m, cloud.sample_weight, cloud.sample_curve, cloud.samples, self._starts, *samples
+            cloud.sample_m,
+            cloud.sample_weight,
+            cloud.sample_curve,
+            cloud.samples,
+            cloud.curve_detail,
+            apart_m,
+            self._starts,
+            *samples,
         )
         network.nodes = kernels.grow(
             cloud.samples,
             blocks,
+            cloud.curve_detail,
+            apart_m,
             *samples,
             self._min_length_m,
             self._max_length_m,
@@ -71,6 +85,7 @@ class SimplifiedFastGng:
             self._pair,
             self._length_m,
             self._degrees,
+            self._node_place,
             network.node_m,
             network.node_curve,
             network.node_weight,

@@ -27,13 +27,13 @@ def cloud_of(points_m: np.ndarray, weight: np.ndarray | None = None, curve: np.n
     sample_m[:count] = points_m
     sample_weight[:count] = 1.0 if weight is None else weight
     sample_curve[:count] = 0 if curve is None else curve
-    edge_at = np.full((120, 160), -1, np.int32)
+    edge_at, detail = np.full((120, 160), -1, np.int32), np.ones(MOST, np.float32)
     columns = ((sample_m[:count, 0] / sample_m[:count, 2] * LENS[0] + LENS[2]) / STRIDE).astype(int)
     rows = ((sample_m[:count, 1] / sample_m[:count, 2] * LENS[1] + LENS[3]) / STRIDE).astype(int)
     edge_at[rows, columns] = np.arange(count)
     return SimpleNamespace(
         sample_m=sample_m, sample_weight=sample_weight, sample_curve=sample_curve, samples=count,
-        lens=LENS, stride=STRIDE, edge_m=sample_m, edge_at=edge_at,
+        lens=LENS, stride=STRIDE, edge_m=sample_m, edge_at=edge_at, curve_detail=detail,
     )  # fmt: skip
 
 

@@ -25,6 +25,7 @@ U8 = NDArray[np.uint8]
 DOUBLE_CELLS = 0.6  # two edge points so near each other are one
 NEAR_CELLS = 2  # how far the next point of a curve may be
 END_CELLS = 4  # and how far the next piece of an edge that has a gap
+MEET_CELLS = 6  # how far ahead of its end a curve may meet another
 FEW_POINTS = 3
 SHARPEST = 0.35  # cosine between the ways on from a point of a curve; sharper bends end it
 
@@ -408,13 +409,16 @@ def group_curves(
             continue
         for side in range(2):
             a = order[start[k]] if side == 0 else order[start[k + 1] - 1]
+            inner = min(4, start[k + 1] - start[k] - 1)
+            tail = order[start[k] + inner] if side == 0 else order[start[k + 1] - 1 - inner]
             i, j = int(point_uv[a, 1]), int(point_uv[a, 0])
-            for ki in range(max(i - 3, 0), min(i + 4, rows)):
-                for kj in range(max(j - 3, 0), min(j + 4, columns)):
+            for ki in range(max(i - MEET_CELLS, 0), min(i + MEET_CELLS + 1, rows)):
+                for kj in range(max(j - MEET_CELLS, 0), min(j + MEET_CELLS + 1, columns)):
                     b = point_at[ki, kj]
                     if b < 0 or curve[b] == k or extent_m[curve[b]] == 0.0:
                         continue
-                    if _gap_cells(point_m, a, b, cell_width) < 3.0:
+                    gap = _gap_cells(point_m, a, b, cell_width)
+                    if gap < 3.0 or (gap < MEET_CELLS and _turn(point_uv, tail, a, b) < 0.3):
                         ra, rb = _root(group, k), _root(group, curve[b])
                         group[max(ra, rb)] = min(ra, rb)
     for k in range(curves):

@@ -1,9 +1,10 @@
 """Kernels of simplified FastGNG (steps 2-7); other arguments as in `network._kernels`.
 
 The samples stand in blocks of LANES by falling weight, in rows, so that a block is computed at once:
-place: (B, 3, LANES) float32, x, y and z, m. weight: (B, LANES) float32, 0 where there is none.
-curve: (B, LANES) int32. bound: (B + 1,) float32, no later sample weighs more.
-near: (B, LANES) float32, dS1² (eq 13), m². chance: (B, LANES) float32, P_node (eq 12) times weight.
+point: (B, 3, LANES) float32, x, y and z, m. place: (B, 3, LANES) float32, the same as the network learns it: apart from
+other curves, and the larger the finer its curve is to be drawn; node_place: (N, 3) float32, that of the nodes.
+weight: (B, LANES) float32, 0 where there is none. curve: (B, LANES) int32. bound: (B + 1,) float32, no later sample
+weighs more. near: (B, LANES) float32, dS1² (eq 13), m². chance: (B, LANES) float32, P_node (eq 12) times weight.
 top: (B,) float32, the highest chance of a block, and seen: (B,) int32, of how many nodes `near` knows, -1 before the
 first look.
 """
@@ -48,13 +49,25 @@ def node_chances(near: F32, weight: F32, b: int, min_m: float, max_m: float, bet
         chance[b, lane] = value * weight[b, lane]
 
 
+@njit(nogil=True, cache=True, inline="always")
+def place_of(point_m: F32, i: int, axis: int, curve: int, curve_detail: F32, apart_m: float) -> float:
+    """A coordinate of where the network learns point i of a curve: the same place when curves are not to lie apart."""
+    place: float = point_m[i, axis]
+    if apart_m > 0.0:
+        place = place * curve_detail[curve] + (apart_m * curve if axis == 0 else 0.0)
+    return place
+
+
 @njit(nogil=True, cache=True)
 def sort_samples(
     sample_m: F32,
     sample_weight: F32,
     sample_curve: I32,
     samples: int,
+    curve_detail: F32,
+    apart_m: float,
     starts: I32,
+    point: F32,
     place: F32,
     weight: F32,
     curve: I32,
@@ -62,6 +75,7 @@ def sort_samples(
 ) -> int:
     """Put the samples into blocks by falling weight, equal ones in their order; returns the number of blocks.
 
+    `curve_detail`: (K,) by how much shorter connections may be; `apart_m`: how far from each other curves are learned.
     `starts`: (BUCKETS + 1,) room to work in. Weights in one bucket keep their order, so `bound` is what counts.
     """
     heaviest = 0.0
@@ -79,7 +93,8 @@ def sort_samples(
         starts[bucket] += 1
         b, lane = at // LANES, at % LANES
         for axis in range(3):
-            place[b, axis, lane] = sample_m[i, axis]
+            point[b, axis, lane] = sample_m[i, axis]
+            place[b, axis, lane] = place_of(sample_m, i, axis, sample_curve[i], curve_detail, apart_m)
         weight[b, lane] = sample_weight[i]
         curve[b, lane] = sample_curve[i]
     blocks = (samples + LANES - 1) // LANES
@@ -97,24 +112,24 @@ def sort_samples(
 
 
 @njit(nogil=True, cache=True, inline="always")
-def _note_one(place: F32, b: int, node_m: F32, a: int, near: F32) -> None:
+def _note_one(place: F32, b: int, node_place: F32, a: int, near: F32) -> None:
     """Keep dS1² of block b up to date with node a.
 
     The number of lanes is read from the array: a loop of a length that the compiler knows it unrolls and leaves scalar.
     """
-    x, y, z = node_m[a, 0], node_m[a, 1], node_m[a, 2]
+    x, y, z = node_place[a, 0], node_place[a, 1], node_place[a, 2]
     for lane in range(near.shape[1]):
         dx, dy, dz = place[b, 0, lane] - x, place[b, 1, lane] - y, place[b, 2, lane] - z
         near[b, lane] = min(near[b, lane], dx * dx + dy * dy + dz * dz)
 
 
 @njit(nogil=True, cache=True, inline="always")
-def _note_four(place: F32, b: int, node_m: F32, a: int, near: F32) -> None:
+def _note_four(place: F32, b: int, node_place: F32, a: int, near: F32) -> None:
     """The same for the nodes a to a + 3 at once: a sample is read once for the four."""
-    x0, y0, z0 = node_m[a, 0], node_m[a, 1], node_m[a, 2]
-    x1, y1, z1 = node_m[a + 1, 0], node_m[a + 1, 1], node_m[a + 1, 2]
-    x2, y2, z2 = node_m[a + 2, 0], node_m[a + 2, 1], node_m[a + 2, 2]
-    x3, y3, z3 = node_m[a + 3, 0], node_m[a + 3, 1], node_m[a + 3, 2]
+    x0, y0, z0 = node_place[a, 0], node_place[a, 1], node_place[a, 2]
+    x1, y1, z1 = node_place[a + 1, 0], node_place[a + 1, 1], node_place[a + 1, 2]
+    x2, y2, z2 = node_place[a + 2, 0], node_place[a + 2, 1], node_place[a + 2, 2]
+    x3, y3, z3 = node_place[a + 3, 0], node_place[a + 3, 1], node_place[a + 3, 2]
     for lane in range(near.shape[1]):
         x, y, z = place[b, 0, lane], place[b, 1, lane], place[b, 2, lane]
         u0, v0, w0, u1, v1, w1 = x - x0, y - y0, z - z0, x - x1, y - y1, z - z1
@@ -129,7 +144,7 @@ def _look_again(
     place: F32,
     weight: F32,
     b: int,
-    node_m: F32,
+    node_place: F32,
     seen: int,
     nodes: int,
     min_m: float,
@@ -147,10 +162,10 @@ def _look_again(
         before[lane] = near[b, lane]
     node = max(seen, 0)
     while node + 4 <= nodes:
-        _note_four(place, b, node_m, node, near)
+        _note_four(place, b, node_place, node, near)
         node += 4
     while node < nodes:
-        _note_one(place, b, node_m, node, near)
+        _note_one(place, b, node_place, node, near)
         node += 1
     changed = seen < 0
     for lane in range(lanes):
@@ -170,7 +185,7 @@ def best_sample(
     weight: F32,
     bound: F32,
     blocks: int,
-    node_m: F32,
+    node_place: F32,
     nodes: int,
     min_m: float,
     max_m: float,
@@ -194,7 +209,7 @@ def best_sample(
             continue
         if seen[b] < nodes:
             top[b] = _look_again(
-                place, weight, b, node_m, seen[b], nodes, min_m, max_m, beta, near, square, chance, top[b]
+                place, weight, b, node_place, seen[b], nodes, min_m, max_m, beta, near, square, chance, top[b]
             )
             seen[b] = nodes
         if top[b] > best_chance:
@@ -330,7 +345,7 @@ def _better_place(
     weight: F32,
     curve: I32,
     bound: F32,
-    node_m: F32,
+    node_place: F32,
     a: int,
     own_curve: int,
     own: float,
@@ -339,7 +354,7 @@ def _better_place(
 ) -> int:
     """The heaviest sample within `snap_m` of node a on its curve, if it weighs 1.2 times as much; -1 otherwise."""
     best, best_weight = -1, 1.2 * own
-    x, y, z = node_m[a, 0], node_m[a, 1], node_m[a, 2]
+    x, y, z = node_place[a, 0], node_place[a, 1], node_place[a, 2]
     limit = np.float32(snap_m * snap_m)
     lanes = weight.shape[1]
     for b in range(weight.shape[0]):
@@ -360,6 +375,7 @@ def _better_place(
 
 @njit(nogil=True, cache=True)
 def snap_to_corners(
+    point: F32,
     place: F32,
     weight: F32,
     curve: I32,
@@ -372,6 +388,7 @@ def snap_to_corners(
     edge_m: F32,
     edge_at: I32,
     node_m: F32,
+    node_place: F32,
     node_curve: I32,
     node_weight: F32,
     linked: U8,
@@ -383,19 +400,22 @@ def snap_to_corners(
     So a node that happened to be put beside a corner does not cut it, and two frames put it in the same place.
     """
     for a in range(nodes):
-        best = _better_place(place, weight, curve, bound, node_m, a, node_curve[a], node_weight[a], snap_m, square)
+        best = _better_place(place, weight, curve, bound, node_place, a, node_curve[a], node_weight[a], snap_m, square)
         if best < 0:
             continue
         x, y, z = node_m[a, 0], node_m[a, 1], node_m[a, 2]
+        u, v, w = node_place[a, 0], node_place[a, 1], node_place[a, 2]
         for axis in range(3):
-            node_m[a, axis] = place[best // LANES, axis, best % LANES]
+            node_m[a, axis] = point[best // LANES, axis, best % LANES]
+            node_place[a, axis] = place[best // LANES, axis, best % LANES]
         node_weight[a], own = weight[best // LANES, best % LANES], node_weight[a]
         for b in range(nodes):
-            crowded = b != a and separation(node_m, a, node_m, b) < snap_m
+            crowded = b != a and separation(node_place, a, node_place, b) < snap_m
             if crowded or (
                 linked[a, b] == 1 and not is_supported(node_m, a, b, lens, stride, reach_m, step_m, edge_m, edge_at)
             ):
                 node_m[a, 0], node_m[a, 1], node_m[a, 2] = x, y, z
+                node_place[a, 0], node_place[a, 1], node_place[a, 2] = u, v, w
                 node_weight[a] = own
                 break
 
@@ -404,6 +424,9 @@ def snap_to_corners(
 def grow(
     samples: int,
     blocks: int,
+    curve_detail: F32,
+    apart_m: float,
+    point: F32,
     place: F32,
     weight: F32,
     curve: I32,
@@ -429,6 +452,7 @@ def grow(
     pair: I32,
     length_m: F32,
     degrees: I32,
+    node_place: F32,
     node_m: F32,
     node_curve: I32,
     node_weight: F32,
@@ -456,12 +480,13 @@ def grow(
                 break
             low_m, high_m = min_length_m[phase], max_length_m[phase]
             v = best_sample(
-                place, weight, bound, blocks, node_m, nodes, low_m, high_m, beta, near, square, chance, top, seen
+                place, weight, bound, blocks, node_place, nodes, low_m, high_m, beta, near, square, chance, top, seen
             )
             if v < 0:
                 break
             for axis in range(3):
-                node_m[nodes, axis] = place[v // LANES, axis, v % LANES]
+                node_m[nodes, axis] = point[v // LANES, axis, v % LANES]
+                node_place[nodes, axis] = place[v // LANES, axis, v % LANES]
             node_curve[nodes] = curve[v // LANES, v % LANES]
             node_weight[nodes] = weight[v // LANES, v % LANES]
             nodes += 1
@@ -484,8 +509,12 @@ def grow(
             )
         limit_degree(node_m, linked, nodes, 2, pair, length_m, degrees)
         nodes = remove_isolated(node_m, node_curve, node_weight, linked, nodes)
+        for a in range(nodes):
+            for axis in range(3):
+                node_place[a, axis] = place_of(node_m, a, axis, node_curve[a], curve_detail, apart_m)
         if evidence:
             snap_to_corners(
+                point,
                 place,
                 weight,
                 curve,
@@ -498,6 +527,7 @@ def grow(
                 edge_m,
                 edge_at,
                 node_m,
+                node_place,
                 node_curve,
                 node_weight,
                 linked,
