@@ -17,6 +17,7 @@ _CLEAR_M = 0.03  # round the footprint
 _TRIES = 10_000
 _MIN_SIDE_M, _MAX_SIDE_M = 2.8, 6.5
 _ITEMS = (3, 14)
+_START_M = 1.0  # round the start there is nothing
 
 
 def free_pose(scenario: Scenario, rng: np.random.Generator) -> Pose2:
@@ -40,11 +41,12 @@ def free_pose(scenario: Scenario, rng: np.random.Generator) -> Pose2:
 def random_room(like: Scenario, rng: np.random.Generator) -> Scenario:
     """Another room with the robot of `like`: other sides, and boxes along its walls and in it."""
     x, y = (float(rng.uniform(_MIN_SIDE_M, _MAX_SIDE_M)) for _ in range(2))
-    items = tuple(_random_box(k, x, y, rng) for k in range(int(rng.integers(*_ITEMS))))
+    at = float(rng.uniform(_START_M, x - _START_M)), float(rng.uniform(_START_M, y - _START_M))
+    drawn = [_random_box(k, x, y, rng) for k in range(int(rng.integers(*_ITEMS)))]
+    items = tuple(item for item in drawn if math.dist(item.position_m, at) > _START_M)
     room = Room(x, y, like.room.wall_height_m, like.room.wall_reflectivity)
-    made = replace(like, name="elsewhere", start=Start((x / 2, y / 2)), room=room, items=items, goals=())
-    start = free_pose(made, rng)
-    return replace(made, start=Start((start.x_m, start.y_m), math.degrees(start.theta_rad)))
+    heading_deg = float(rng.uniform(-180.0, 180.0))
+    return replace(like, name="elsewhere", start=Start(at, heading_deg), room=room, items=items, goals=())
 
 
 def _random_box(number: int, x_m: float, y_m: float, rng: np.random.Generator) -> Item:
