@@ -7,6 +7,7 @@ import io
 import json
 import subprocess
 import sys
+import tomllib
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from tools.radio_config.__main__ import main
 from tools.simulator.devices.es920lr import State
 from tools.simulator.radio.ports import EmulatedPort
 
+ROOT = Path(__file__).resolve().parents[2]
 SECOND = {"own_id": 3, "destination_id": 4, "channel": 5}
 
 
@@ -292,3 +294,16 @@ def test_ports_are_opened_by_the_operating_systems_name(monkeypatch: pytest.Monk
     bench = Bench(RadioSettings())
     monkeypatch.setattr(bench, "open", refuse)
     assert "in use by another program" in refusal(bench.run("show", "/dev/tty0"))
+
+
+def test_it_explains_itself_and_every_command_of_it() -> None:
+    whole = Bench().run("--help")
+    assert whole.returncode == 0
+    for command in ("list", "show", "set", "save", "load", "copy", "check", "range-test", "airtime"):
+        assert command in whole.stdout
+        done = Bench().run(command, "--help")
+        assert done.returncode == 0
+        assert "--json" in done.stdout
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        scripts = tomllib.load(file)["project"]["scripts"]
+    assert scripts["radio-config"] == "tools.radio_config.__main__:main"
