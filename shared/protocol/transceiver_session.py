@@ -89,11 +89,11 @@ class TransceiverSession:
     def read(self, radio: int) -> bytes:
         return self._from[radio].read()
 
+    def room(self, radio: int) -> int:
+        return self._to[radio].room
+
     def has_arrived(self, radio: int) -> bool:
         return not self._from[radio].is_empty
-
-    def is_delivered(self, radio: int) -> bool:
-        return self._to[radio].is_empty
 
     def set_baud(self, radio: int, baud: int) -> Command:
         """The rate from now on, also after a reset of the Mega, once all that was written before is out."""

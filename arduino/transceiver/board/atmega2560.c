@@ -42,7 +42,7 @@ extern uint8_t _end; // of the variables
 
 __attribute__((naked, used, section(".init3"))) static void paint_stack(void)
 {
-    for (uint8_t *byte = &_end; byte <= (uint8_t *)RAMEND; byte++)
+    for (volatile uint8_t *byte = &_end; byte <= (uint8_t *)RAMEND; byte++) // volatile: no call of memset, there is no stack
         *byte = PAINT;
 }
 
@@ -88,7 +88,7 @@ SERIAL_PORT(PORT_USB, 0)
 SERIAL_PORT(PORT_RADIO_A, 1)
 SERIAL_PORT(PORT_RADIO_B, 2)
 
-enum { STATUS = 0, CONTROL = 1, DIVISOR_LOW = 4, DIVISOR_HIGH = 5 }; // from the first register of a port
+enum { STATUS = 0, CONTROL = 1, FORMAT = 2, DIVISOR_LOW = 4, DIVISOR_HIGH = 5 }; // from the first register of a port
 
 static volatile uint8_t *const registers[PORT_COUNT] = {&UCSR0A, &UCSR1A, &UCSR2A};
 
@@ -119,7 +119,8 @@ static void open_port(uint8_t port, uint16_t divisor)
 {
     registers[port][STATUS] = _BV(U2X0);
     set_divisor(port, divisor);
-    registers[port][CONTROL] = _BV(RXCIE0) | _BV(RXEN0) | _BV(TXEN0); // 8N1 is how the third register begins
+    registers[port][FORMAT] = _BV(UCSZ01) | _BV(UCSZ00); // 8N1
+    registers[port][CONTROL] = _BV(RXCIE0) | _BV(RXEN0) | _BV(TXEN0);
 }
 
 bool board_set_baud(uint8_t port, uint32_t baud)

@@ -10,6 +10,7 @@ import termios
 import threading
 import tty
 from collections.abc import Callable, Sequence
+from typing import Protocol
 
 from shared.link.base import LinkError
 from shared.link.byte_port import PortStatistics
@@ -81,6 +82,21 @@ class EmulatedPort:
             raise LinkError(f"{self.name}: {self._closed}")
 
 
+class Wire(Protocol):
+    """The host's end of a module's serial line: a file to read and write, and the rate the host speaks at."""
+
+    @property
+    def module(self) -> EmulatedEs920lr: ...
+    @property
+    def master(self) -> int: ...
+    @property
+    def path(self) -> str: ...
+    @property
+    def host_baud_rate(self) -> int: ...
+
+    def close(self) -> None: ...
+
+
 class _Pty:
     def __init__(self, module: EmulatedEs920lr) -> None:
         self.module = module
@@ -106,17 +122,24 @@ class PtyRadios:
     `paths[i]` is the port of module i. Touch modules and channel only within `do`.
     """
 
-    def __init__(self, clock: MonotonicClock, timeline: Timeline, modules: Sequence[EmulatedEs920lr]) -> None:
+    def __init__(
+        self,
+        clock: MonotonicClock,
+        timeline: Timeline,
+        modules: Sequence[EmulatedEs920lr],
+        wires: Sequence[Wire] = (),
+    ) -> None:
+        """`wires`: further modules of the same air, on ends that somebody else made."""
         self._timeline = timeline
         self._clock = clock
-        self._ptys = [_Pty(module) for module in modules]
+        self._ptys: list[Wire] = [*map(_Pty, modules), *wires]
         self.paths = [p.path for p in self._ptys]
         self._plugged = list(self._ptys)
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="emulated radios", daemon=True)
-        for module in modules:
-            module.power_on()
+        for wire in self._ptys:
+            wire.module.power_on()
         self._thread.start()
 
     def __enter__(self) -> PtyRadios:
@@ -159,7 +182,7 @@ class PtyRadios:
         lines = (p.module.line.next_for_host_s for p in self._plugged)
         return min(self._timeline.next_s, *lines) if self._plugged else self._timeline.next_s
 
-    def _serve(self, p: _Pty) -> None:
+    def _serve(self, p: Wire) -> None:
         self._timeline.run()
         with contextlib.suppress(BlockingIOError):
             if data := os.read(p.master, 4_096):
