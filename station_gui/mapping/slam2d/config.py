@@ -68,6 +68,20 @@ class MatchConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class MotionConfig:
+    """What is made of odometry."""
+
+    scale_prior_m: float = 10.0  # so much way says that its scale is right
+    scale_memory_m: float = 100.0
+    scale_points: float = 60.0  # that must hold the robot along its way for the scale to be learnt: 4 times weak
+    silent_scans: int = 5  # odometry that says nothing in so many moving scans is not there
+    moved_m: float = 0.02
+    moved_rad: float = math.radians(1.0)
+    silent_shift_m: float = 0.1  # how far off a robot may be that is taken to go on as before
+    silent_turn_rad: float = math.radians(5.0)
+
+
+@dataclass(frozen=True, slots=True)
 class KeyframeConfig:
     """When a scan enters the map, and when a new node of the graph begins."""
 
@@ -148,6 +162,7 @@ class GraphSlamConfig:
     normals: NormalConfig = field(default_factory=NormalConfig)
     local_map: LocalMapConfig = field(default_factory=LocalMapConfig)
     match: MatchConfig = field(default_factory=MatchConfig)
+    motion: MotionConfig = field(default_factory=MotionConfig)
     keyframes: KeyframeConfig = field(default_factory=KeyframeConfig)
     loops: LoopConfig = field(default_factory=LoopConfig)
     pose_graph: PoseGraphConfig = field(default_factory=PoseGraphConfig)

@@ -26,6 +26,7 @@ from station_gui.mapping.slam2d.grid.occupancy_grid import OccupancyGrid
 from station_gui.mapping.slam2d.keyframes import Keyframe, Placed
 from station_gui.mapping.slam2d.local_map_builder import LocalMapBuilder
 from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, Match, ScanMatcher, to_lines
+from station_gui.mapping.slam2d.motion import MotionModel, Prediction
 from station_gui.mapping.slam2d.rehearsal import rehearse
 from station_gui.mapping.slam2d.se2_arrays import between, compose
 from station_gui.mapping.snapshot import GridMap
@@ -54,6 +55,7 @@ class GraphSlam:
         self._local_from_node = np.zeros(3)
         self._pose = np.zeros(3)  # of the robot in the local map's frame
         self._odometry = Pose2()
+        self._motion = MotionModel(config.motion, config.match)
         self._since_rebuild_m = 0.0
         self._node_way_m = 0.0
         self._node_turn_rad = 0.0
@@ -177,13 +179,14 @@ class GraphSlam:
 
     def _track(self, scan: PointScan, lines: LineScan) -> None:
         """Predict by odometry, correct on the local map, extend the map and the graph."""
-        motion = (self._odometry.inverse() @ scan.odom_from_robot).as_array()
+        odometry = (self._odometry.inverse() @ scan.odom_from_robot).as_array()
         before = self._pose
-        match = self._match(lines, motion)
+        match = self._match(lines, self._motion.predict(odometry))
         self._pose = match.pose
         self._count_way(before)
         if match.share > 0.0:
             self._lost_scans = 0
+            self._motion.learn(odometry, before, match)
         elif len(lines.points_m) >= self._config.match.min_points:
             self._lost_scans += 1
             if self._lost_scans > self._config.match.patience_scans:
@@ -194,17 +197,15 @@ class GraphSlam:
         if self._is_keyframe(len(lines.points_m)):
             self._add_keyframe(scan, lines)
 
-    def _match(self, lines: LineScan, motion: NDArray[np.float64]) -> Match:
+    def _match(self, lines: LineScan, prediction: Prediction) -> Match:
         """Where the match does not deserve belief the prediction stands, with the odometry's own information."""
         config = self._config.match
-        predicted = compose(self._pose, motion)
-        shift_sigma_m = config.odometry_shift_m + config.odometry_shift_ratio * float(np.hypot(motion[0], motion[1]))
-        turn_sigma_rad = config.odometry_turn_rad + config.odometry_turn_ratio * abs(float(motion[2]))
-        weight = 1.0 / np.square([shift_sigma_m, shift_sigma_m, turn_sigma_rad])
+        predicted = compose(self._pose, prediction.motion)
+        weight = 1.0 / np.square(prediction.sigma)
         if len(lines.points_m) < config.min_points:
             return Match(predicted, np.diag(weight), 0.0, 0.0)
         match = self._matcher.match(lines, self._local.current, predicted, weight)
-        away = between(predicted, match.pose) / (shift_sigma_m, shift_sigma_m, turn_sigma_rad)
+        away = between(predicted, match.pose) / prediction.sigma
         if not np.isfinite(away).all() or match.share < self._needed_share(float(np.abs(away).max())):
             return Match(predicted, np.diag(weight), 0.0, 0.0)
         return match
