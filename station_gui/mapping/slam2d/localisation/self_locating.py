@@ -41,7 +41,7 @@ class SelfLocatingSlam:
         self._pose = Pose2()
         self._relocaliser: Relocaliser | None = None
         self._lost_way_m = 0.0
-        self._piece_from: int | None = None  # first keyframe of a piece that nothing joins to the rest
+        self._piece_from: int | None = None  # first keyframe of a piece that hangs on the rest by odometry alone
         if given is not None:
             inner.load(given)
             self._lose()
@@ -51,8 +51,10 @@ class SelfLocatingSlam:
         motion = self._odometry.inverse() @ scan.odom_from_robot if len(self) else Pose2()
         if self._relocaliser is None:
             self._follow(scan)
-        else:
+        elif self._piece_from is None:
             self._look(self._relocaliser, scan, motion)
+        else:
+            self._map_apart(self._relocaliser, self._piece_from, scan)
         self._odometry = scan.odom_from_robot
         return self._pose
 
@@ -62,11 +64,19 @@ class SelfLocatingSlam:
     def _follow(self, scan: PointScan) -> None:
         self._pose = self._inner.add(scan)
         self._note_inner_scan()
-        waits = self._piece_from is not None and self._piece_from >= len(self._inner.keyframes)
-        if self._inner.lost_scans == 0 or waits:
-            return
         if self._inner.lost_scans >= self._config.lost_scans:
             self._lose()
+
+    def _map_apart(self, relocaliser: Relocaliser, first: int, scan: PointScan) -> None:
+        """The new piece grows; meanwhile the robot is looked for in the old map, until it is found or a loop closes."""
+        found = relocaliser.add(scan)
+        if found is not None:
+            self._go_on(scan, found)
+            return
+        self._pose = self._inner.add(scan)
+        self._note_inner_scan()
+        if self._is_joined(first):
+            self._relocaliser = self._piece_from = None
 
     def _note_inner_scan(self) -> None:
         self._inner_scans += 1
@@ -94,7 +104,6 @@ class SelfLocatingSlam:
         last = len(self._scans) - 1
         self._scans.append(self._inner_scans - 1, compose(self._scans.in_node(last), motion.as_array()))
         if not self._fixed and self._lost_way_m > self._config.give_up_m:
-            self._relocaliser = None
             self._piece_from = len(self._inner.keyframes)
 
     def _go_on(self, scan: PointScan, found: Pose2) -> None:
@@ -106,21 +115,18 @@ class SelfLocatingSlam:
         self._piece_from = None
         self._moved += 1
 
+    def _is_joined(self, first: int) -> bool:
+        """A closure leads from the new piece to an older keyframe."""
+        closures = self._inner.closures()
+        return bool(((closures.min(axis=1, initial=first) < first) & (closures.max(axis=1, initial=0) >= first)).any())
+
     @property
     def tracking(self) -> Tracking:
+        if self._piece_from is not None:
+            return Tracking.APART
         if self._relocaliser is not None:
             return Tracking.SEARCHING if self._relocaliser.undecided else Tracking.LOST
-        return Tracking.LOCATED if self._piece_from is None or self._is_joined() else Tracking.APART
-
-    def _is_joined(self) -> bool:
-        """A closure leads from the new piece to an older one."""
-        first, closures = self._piece_from, self._inner.closures()
-        if first is None or not len(closures):
-            return first is None
-        joined = bool(((closures.min(axis=1) < first) & (closures.max(axis=1) >= first)).any())
-        if joined:
-            self._piece_from = None
-        return joined
+        return Tracking.LOCATED
 
     @property
     def places(self) -> int:

@@ -153,6 +153,11 @@ def test_a_robot_that_is_not_found_again_begins_a_new_piece(
     assert slam.tracking is Tracking.APART
     assert len(slam.trajectory()) > keyframes + 10
 
+    back = way[10:40]
+    _follow(slam, lab, back[:25], scan_from, carried @ there[-1] @ back[0].inverse(), began=110)
+    assert slam.tracking is Tracking.LOCATED
+    assert slam.pose_of_scan(len(slam) - 1).distance_m(back[24]) < 0.05
+
 
 def test_a_blink_of_the_scanner_is_no_reason_to_be_lost(lab: FloatArray, lap: LapMaker, scan_from: ScanMaker) -> None:
     slam = _slam(_graph(), None)
