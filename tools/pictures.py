@@ -32,6 +32,15 @@ _WAY_LAST = np.array((150, 58, 190.0))
 _OVERSAMPLING = 2
 
 
+def palette() -> list[tuple[int, int, int]]:
+    """The colours that a map needs at least, with what lies between the coloured ones and white."""
+    greys = [(v, v, v) for v in (255, 244, 234, 224, _UNKNOWN, 190, 150, 110, 75, 50, _OCCUPIED)]
+    way = [tuple((_WAY_FIRST + (_WAY_LAST - _WAY_FIRST) * k / 3).astype(int).tolist()) for k in range(4)]
+    inks = [*way, _START, _END, _CLOSURE]
+    pale = [tuple(round(255 + (v - 255) * share) for v in ink) for ink in inks for share in (1.0, 0.6, 0.3)]
+    return [_PAPER, _INK, _FAINT, *greys, *((r, g, b) for r, g, b in pale)]
+
+
 @dataclass(frozen=True, slots=True)
 class _Frame:
     """From map metres to picture pixels: `left_m` and `top_m` are the corner of the map's part that is shown."""

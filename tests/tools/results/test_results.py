@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tools.results.one_log import shrink
+from tools.results.tables import BEGIN, END, render, with_section
+
+SLAM: dict[str, Any] = {
+    "scans": 13631, "relations": 2984, "translation_mean_m": 0.0135, "translation_std_m": 0.0095,
+    "rotation_mean_deg": 0.216, "rotation_std_deg": 0.207, "seconds": 5.7, "realtime_factor": 469.2,
+    "step_ms_p50": 0.23, "step_ms_p99": 3.2, "step_ms_p99_first_1000": 1.0, "step_ms_p99_last_1000": 2.0,
+    "peak_rss_mb": 294.0, "loop_closures": 557,
+}  # fmt: skip
+URG: dict[str, Any] = {
+    "walls": 18, "wall_length_m": 40.9, "wall_thickness_m": 0.0278, "wall_scanner_m": 0.0178, "wall_p95_m": 0.0619,
+    "double_walls": 2, "double_length_m": 3.0, "scanner_noise_m": 0.0055,
+}  # fmt: skip
+BACK = {"revisit_median_m": 0.0037, "revisit_p95_m": 0.044, "revisit_offset_m": 0.028, "revisit_offset_deg": -0.66}
+LAB_FIGURES = {
+    "pose_rmse_m": 0.0034, "map_rmse_m": 0.0062, "map_completeness": 0.94, "collisions": 0, "goal_error_m": 0.02,
+    "encoder_slip_mean_abs": 0.11,
+}  # fmt: skip
+
+
+def test_what_was_measured_stands_beside_what_was_published() -> None:
+    text = render({"intel": {"graph": SLAM}})
+    (row,) = [line for line in text.splitlines() if line.startswith("| Intel | 0.0135")]
+    assert "0.0135 ± 0.0095 m, 0.216 ± 0.207°" in row
+    assert "0.0229 ± 0.0239 m" in row
+    assert "| Intel | graph | 5.7 | 469 | 0.23 / 3.2 | 1.0 / 2.0 | 294 MB | 557 |" in text
+    assert "images/intel-graph.png" in text
+    assert "images/intel-particle.png" not in text
+
+
+def test_every_row_of_a_table_has_as_many_columns_as_its_head() -> None:
+    lab = {"seeds": [1, 2], "finished": True, "mean": LAB_FIGURES, "worst": LAB_FIGURES}
+    text = render({"intel": {"graph": SLAM, "particle": SLAM}, "exp1": {"graph": URG | BACK}, "lab": {"graph": lab}})
+    for table in text.split("\n\n"):
+        rows = [line.count("|") for line in table.splitlines() if line.startswith("|")]
+        assert len(set(rows)) <= 1, table
+    assert "2, all finished" in text
+
+
+def test_a_map_that_is_off_by_more_than_can_be_compared_says_so() -> None:
+    far = URG | BACK | {"revisit_median_m": None, "revisit_p95_m": None, "revisit_offset_m": 0.49}
+    text = render({"exp2": {"graph": far, "particle": URG}})
+    assert "over 300 / over 300 | 490, -0.66°" in text
+    assert "does not come back" in text
+
+
+def test_only_what_stands_between_the_marks_is_replaced() -> None:
+    text = f"# Results\n{BEGIN}\nold\n{END}\nmore\n"
+    once = with_section(text, "new\n")
+    assert once.startswith("# Results\n")
+    assert once.endswith(f"{END}\nmore\n")
+    assert "old" not in once
+    assert with_section(once, "new\n") == once
+    with pytest.raises(ValueError, match="needs one"):
+        with_section("no marks", "new")
+
+
+def test_the_docs_are_what_the_tool_writes() -> None:
+    docs = Path(__file__).resolve().parents[3] / "docs"
+    text = (docs / "results.md").read_text("utf-8")
+    figures = json.loads((docs / "slam2d.json").read_text("utf-8"))
+    assert with_section(text, render(figures)) == text
+    for log, methods in figures.items():
+        for method in methods if log != "lab" else ():
+            assert 5_000 < (docs / "images" / f"{log}-{method}.png").stat().st_size <= 150_000
+
+
+def test_a_picture_becomes_small(tmp_path: Path) -> None:
+    path = tmp_path / "map.png"
+    rng = np.random.default_rng(1)
+    noise = rng.integers(0, 255, (600, 1656, 3)).astype(np.uint8)
+    noise[:500] = 255
+    Image.fromarray(noise).save(path)
+    shrink(path)
+    with Image.open(path) as picture:
+        assert max(picture.size) == 1000
+        assert picture.size[1] == round(600 * 1000 / 1656)
+    assert path.stat().st_size <= 150_000
