@@ -42,7 +42,8 @@ extern uint8_t _end; // of the variables
 
 __attribute__((naked, used, section(".init3"))) static void paint_stack(void)
 {
-    for (volatile uint8_t *byte = &_end; byte <= (uint8_t *)RAMEND; byte++) // volatile: no call of memset, there is no stack
+    // Volatile, so that it does not become a call of memset: there is no stack yet.
+    for (volatile uint8_t *byte = &_end; byte <= (uint8_t *)RAMEND; byte++)
         *byte = PAINT;
 }
 

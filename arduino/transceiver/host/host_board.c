@@ -91,8 +91,8 @@ size_t host_leave(uint8_t port, uint8_t *bytes, size_t most)
     return count;
 }
 
-// All bytes into USB and radio A, with as many loops as a portion needs and a millisecond after it; what comes out on all wires is
-// counted and thrown away. For fuzzing.
+// All bytes into USB and radio A, with as many loops as a portion needs and a millisecond after it; what comes out on
+// all wires is counted and thrown away. For fuzzing.
 size_t host_flood(const uint8_t *bytes, size_t count, size_t portion)
 {
     size_t left = 0;
