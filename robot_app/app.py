@@ -15,6 +15,7 @@ from robot_app import schedule
 from robot_app.config import RobotConfig
 from robot_app.drivers.base import DeviceError, Hardware, ImuSample, PowerSample, RawScan, TemperatureSample
 from robot_app.mission import Mission
+from robot_app.perception.identity.tracker import ObjectTracker
 from robot_app.perception.object_extractor import ObjectExtractor
 from robot_app.pilot import Pilot
 from robot_app.pilot import warm_up as warm_up_control
@@ -69,6 +70,7 @@ class RobotApp:
         self._mission = Mission(config.mission)
         self._pilot = Pilot(config.car, config.control, self._mission, self._odometry)
         self._extractor = ObjectExtractor(config.perception, hardware.camera.intrinsics, config.camera, rng)
+        self._tracker = ObjectTracker(config.perception.tracking)
         self._guard = Guard(config.safety, schedule.SCAN.max_age_s, schedule.ODOMETRY.max_age_s, clock.now_s())
         self._stall = StallWatch(config.safety.stall)
         hello = Hello(
@@ -94,6 +96,7 @@ class RobotApp:
     def warm_up(self) -> None:
         """Compile all kernels and touch all buffers; call it before the tasks run."""
         self._extractor.warm_up()
+        self._tracker.warm_up()
         warm_up_control(self._config.car, self._config.control, self._geometry)
 
     def tasks(self) -> list[Task]:
@@ -191,8 +194,13 @@ class RobotApp:
 
     def _read_depth(self) -> None:
         image = self._hardware.camera.read(_READ_TIMEOUT_S)
-        if image is not None:
-            self._objects.put(self._extractor.extract(image), image.stamp_s)
+        if image is None:
+            return
+        objects = self._extractor.extract(image)
+        seen = self._odometry.at(image.stamp_s)
+        if seen is not None:
+            objects = self._tracker.update(objects, seen.odom_from_robot).network
+        self._objects.put(objects, image.stamp_s)
 
     def _observe(self) -> None:
         scan = self._scan.stamped()

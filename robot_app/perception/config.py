@@ -90,7 +90,30 @@ class RefineConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class TrackingConfig:
+    """Which outlines of one frame are those of another."""
+
+    reach_m: float = 0.03  # outlines so near each other are the same; the noise of a node
+    reach_per_m: float = 0.02  # and this much for each metre that the object is away: its pixels and its depth's noise
+    step_m: float = 0.03  # of the points that are looked at along an outline
+    match_share: float = 0.25  # the least mean share of both outlines that lie along each other, for the same object
+    keep_share: float = 0.8  # with such a share of both, nothing has changed
+    nearer_share: float = 0.75  # what is seen from so much nearer is seen better, and replaces what is known
+    patience_frames: int = 5  # so long a part, or an object that was seen as often, may be missing
+    forget_frames: int = 50  # and so long its number is kept
+    max_objects: int = 64  # bounds time and memory
+
+    def __post_init__(self) -> None:
+        _require(0 < self.match_share <= self.keep_share <= 1, "match_share must be positive and not above keep_share")
+        _require(min(self.reach_m, self.step_m) > 0, "reach_m and step_m must be positive")
+        _require(self.patience_frames >= 0, "patience_frames must not be negative")
+        _require(self.forget_frames >= self.patience_frames, "forget_frames must not be below patience_frames")
+        _require(1 <= self.max_objects <= 1000, "max_objects must be 1 to 1000")
+
+
+@dataclass(frozen=True, slots=True)
 class PerceptionConfig:
     edges: EdgeConfig = field(default_factory=EdgeConfig)
     learning: LearningConfig = field(default_factory=LearningConfig)
     refine: RefineConfig = field(default_factory=RefineConfig)
+    tracking: TrackingConfig = field(default_factory=TrackingConfig)

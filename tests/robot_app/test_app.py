@@ -9,6 +9,7 @@ from robot_app.control import _kernels as control_kernels
 from robot_app.perception import _kernels as edge_kernels
 from robot_app.perception.curves import _kernels as crease_kernels
 from robot_app.perception.curves.tracing import _kernels as tracing_kernels
+from robot_app.perception.identity import _kernels as identity_kernels
 from robot_app.perception.learners.simplified import _kernels as growth_kernels
 from robot_app.perception.network import _kernels as network_kernels
 from robot_app.perception.refinement import _kernels as refinement_kernels
@@ -32,6 +33,7 @@ def compiled() -> dict[str, int]:
         growth_kernels,
         network_kernels,
         refinement_kernels,
+        identity_kernels,
     )
     return {
         f"{module.__name__}.{name}": len(kernel.signatures)
