@@ -307,3 +307,17 @@ def test_it_explains_itself_and_every_command_of_it() -> None:
     with (ROOT / "pyproject.toml").open("rb") as file:
         scripts = tomllib.load(file)["project"]["scripts"]
     assert scripts["radio-config"] == "tools.radio_config.__main__:main"
+
+
+def test_what_the_band_forbids_anyway_is_refused_before_a_port_is_touched() -> None:
+    assert "the band allows 4 s" in refusal(
+        Bench().run("set", "/dev/ttyNOPE", "bandwidth_hz=62500", "spreading_factor=12")
+    )
+    assert "no such port" in refusal(Bench().run("set", "/dev/ttyNOPE", "destination_id=1"))
+
+
+@pytest.mark.parametrize("bench", [(STATION,)], indirect=True)
+def test_one_setting_is_judged_with_those_that_the_module_has(bench: Bench) -> None:
+    assert bench.run("set", bench.ports[0], "destination_id=1", "power_dbm=3").returncode == 0
+    assert "talk to itself" in refusal(bench.run("set", bench.ports[0], "destination_id=2"))
+    assert "channel is 1 to 5" in refusal(bench.run("set", bench.ports[0], "channel=9"))

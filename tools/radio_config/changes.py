@@ -103,19 +103,29 @@ def _value(text: str) -> Any:
         return text
 
 
+def require_possible(changes: dict[str, Any], rule: BandRule, payload_bytes: int) -> None:
+    """Refuses what no module can have and what the band forbids on any, before a port is touched."""
+    settings = _replaced(RadioSettings(), changes)
+    if {"bandwidth_hz", "spreading_factor"} <= changes.keys():
+        require_allowed(settings, rule, payload_bytes)
+
+
 def changed(current: RadioSettings, changes: dict[str, Any]) -> RadioSettings:
     """Raises `Refused` for what the module does not have or cannot be meant."""
-    try:
-        settings = dataclasses.replace(current, **changes)
-    except ValueError as error:
-        if "channel" in changes or not str(error).startswith("channel"):
-            raise Refused(str(error)) from error
-        settings = dataclasses.replace(current, **changes, channel=1)  # as the module does by itself
-    known = conflicts(current)
+    settings, known = _replaced(current, changes), conflicts(current)
     for conflict in conflicts(settings):
         if conflict not in known:
             raise Refused(conflict)
     return settings
+
+
+def _replaced(current: RadioSettings, changes: dict[str, Any]) -> RadioSettings:
+    try:
+        return dataclasses.replace(current, **changes)
+    except ValueError as error:
+        if "channel" in changes or not str(error).startswith("channel"):
+            raise Refused(str(error)) from error
+        return dataclasses.replace(current, **changes, channel=1)  # as the module does by itself
 
 
 def require_allowed(settings: RadioSettings, rule: BandRule, payload_bytes: int) -> None:

@@ -49,8 +49,7 @@ def set_values(args: argparse.Namespace) -> int:
     asked, rule, payload_bytes = _changes(args)
     if not asked:
         raise Refused("nothing to set; give KEY=VALUE or --profile")
-    # What no module has and the band forbids is refused before a port is touched.
-    changes.changed(RadioSettings(), asked)
+    changes.require_possible(asked, rule, payload_bytes)
     with _bench(args) as bench, bench.module(args.port) as module:
         wanted = changes.changed(module.settings, asked)
         changes.require_allowed(wanted, rule, payload_bytes)
