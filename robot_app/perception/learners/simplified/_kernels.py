@@ -24,8 +24,8 @@ F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 U8 = NDArray[np.uint8]
 
-# Most of the helpers have one caller and many arrays for arguments: handing those over costs more than what they do,
-# so they are inlined.
+# Handing many arrays over costs more than what the helpers do with them (they are counted, atomically, at each call):
+# those with one caller are inlined.
 
 LANES = 32
 BUCKETS = 256
@@ -33,8 +33,7 @@ CANDIDATES = 8  # of the older nodes, for a connection to a new one
 FAR = 1e18  # m²
 
 
-# error_model="numpy" only leaves out the test for a division by zero, without which eight samples go at once.
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, inline="always")
 def node_chances(near: F32, weight: F32, b: int, min_m: float, max_m: float, beta: float, chance: F32) -> None:
     """P_node (eq 12) times weight for each sample of block b; tanh by its continued fraction, right to 1e-7."""
     low, high = np.float32(min_m * min_m), np.float32(max_m * max_m)
@@ -257,7 +256,7 @@ def limit_degree(node_m: F32, linked: U8, nodes: int, most: int, pair: I32, leng
             degrees[b] -= 1
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, inline="always")
 def nearest_two(
     node_m: F32,
     node_curve: I32,
@@ -420,7 +419,8 @@ def snap_to_corners(
                 break
 
 
-@njit(nogil=True, cache=True)
+# error_model="numpy" only leaves out the test for a division by zero, without which 16 samples go at once.
+@njit(nogil=True, cache=True, error_model="numpy")
 def grow(
     samples: int,
     blocks: int,
