@@ -13,7 +13,7 @@ import os
 import struct
 import tempfile
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from station_gui.mapping.slam2d.base import MappingError
 from station_gui.mapping.slam2d.keyframes import Keyframe
+from station_gui.mapping.slam2d.se2_arrays import compose_all
 
 SUFFIX = ".labmap"
 _MAGIC, _VERSION = b"LABMAP\r\n", 1
@@ -32,6 +33,8 @@ _FINEST_STEP_M, _COARSEST_STEP_M = 1e-4, 0.01
 _LAST_STEP = 32_767  # of a coordinate, either way
 _NORMAL_ANGLES = 65_535  # 0 stands for no normal
 _FARTHEST_M = 1e5
+_MAX_WRITTEN_KEYFRAMES = 20_000  # about 20 MB
+_PLACE_M, _PLACE_RAD = 0.25, math.radians(30.0)  # keyframes nearer to each other show the same
 _TRIANGLE = np.triu_indices(3)
 
 FloatArray = NDArray[np.float64]
@@ -63,8 +66,11 @@ class SavedMap:
 
 
 def write_map(saved: SavedMap, path: Path) -> None:
-    """Write all of it or nothing; an older file of this name gives way in one stroke. Raises `MapFileError`."""
-    data = encode(saved)
+    """Write all of it or nothing; an older file of this name gives way in one stroke. Raises `MapFileError`.
+
+    Of a map of very many sessions the newest scans of each place are kept.
+    """
+    data = encode(thinned(saved, _MAX_WRITTEN_KEYFRAMES))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
@@ -80,6 +86,22 @@ def write_map(saved: SavedMap, path: Path) -> None:
         with contextlib.suppress(OSError):
             Path(name).unlink()
         raise MapFileError(f"{path}: cannot be written: {error.strerror}; choose another folder") from error
+
+
+def thinned(saved: SavedMap, limit: int) -> SavedMap:
+    """No more than `limit` keyframes: the older one of those that were made at one place goes first."""
+    keyframes = saved.keyframes
+    if len(keyframes) <= limit:
+        return saved
+    in_node = np.array([keyframe.in_node for keyframe in keyframes])
+    poses = compose_all(saved.nodes[saved.keyframe_nodes()], in_node)
+    place = np.floor(poses / (_PLACE_M, _PLACE_M, _PLACE_RAD)).astype(np.int64)
+    _, of_place = np.unique(place, axis=0, return_inverse=True)
+    newest_first = np.lexsort((-np.arange(len(keyframes)), of_place))
+    begins = np.append(True, np.diff(of_place[newest_first]) > 0)
+    rank = np.arange(len(keyframes)) - np.maximum.accumulate(np.where(begins, np.arange(len(keyframes)), 0))
+    kept = np.sort(newest_first[np.argsort(rank, kind="stable")][:limit])
+    return replace(saved, keyframes=tuple(keyframes[k] for k in kept))
 
 
 def read_map(path: Path) -> SavedMap:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from station_gui.mapping.saved_map import MapFileError, SavedMap, decode, encode, read_map, write_map
+from station_gui.mapping.saved_map import MapFileError, SavedMap, decode, encode, read_map, thinned, write_map
 from station_gui.mapping.slam2d.keyframes import Keyframe
 
 _HEADER_BYTES = 36
@@ -180,3 +180,13 @@ def test_a_map_that_cannot_be_saved_leaves_the_older_file(saved: SavedMap, tmp_p
         write_map(replace(saved, keyframes=()), path)
     assert path.read_bytes() == before
     assert [entry.name for entry in tmp_path.iterdir()] == ["lab.labmap"]
+
+
+def test_of_many_scans_at_one_place_the_oldest_go_first(saved: SavedMap) -> None:
+    def at(x_m: float, stamp_s: float) -> Keyframe:
+        return replace(saved.keyframes[0], in_node=np.array([x_m, 0.1, 0.1]), stamp_s=stamp_s)
+
+    crowd = [at(0.05, k) for k in range(10)] + [at(3.0, 10.0), at(0.06, 11.0), at(7.0, 12.0)]
+    many = replace(saved, nodes=np.zeros((3, 3)), keyframes=tuple(crowd))
+    assert [keyframe.stamp_s for keyframe in thinned(many, 5).keyframes] == [8.0, 9.0, 10.0, 11.0, 12.0]
+    assert thinned(many, 13) is many
