@@ -151,11 +151,11 @@ class Bench:
         if colon and letter in _RADIOS:
             return self._behind_transceiver(path, _RADIOS[letter])
         port = SerialPort(name, self._baud_rate)
-        try:
-            return Module(port, self._clock, self._baud_rate, lambda: self._ask_user(name), self._patience_s)
-        except BaseException:
-            port.close()
-            raise
+        with contextlib.ExitStack() as guard:
+            guard.callback(port.close)
+            module = Module(port, self._clock, self._baud_rate, lambda: self._ask_user(name), self._patience_s)
+            guard.pop_all()
+        return module
 
     def _behind_transceiver(self, path: str, radio: int) -> Module:
         if path not in self._transceivers:

@@ -37,7 +37,6 @@ from tools.simulator.devices.es920lr import State
 from tools.simulator.devices.es920lr_console import Console
 from tools.simulator.radio.loss import Independent
 
-
 FUZZED_BYTES = int(os.environ.get("FUZZED_BYTES", "2000000"))
 
 
