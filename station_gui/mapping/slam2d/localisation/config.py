@@ -73,6 +73,8 @@ class LocalisationConfig:
     trail: GraphSlamConfig = field(default_factory=GraphSlamConfig)  # follows the robot while it is lost
     trail_m: float = 4.0  # how much of the way so far is looked for
     trail_scans: int = 40
+    longest_trail_scans: int = 300  # in the trail: then it is begun anew
+    look_again_scans: int = 50  # at one place, in doubt: the robot looks anew
     search_again_m: float = 0.4  # driven, after a search that has found nothing to believe
     lost_scans: int = 8  # in a row that do not fit: the robot is lost
     give_up_m: float = 6.0  # driven while it is lost: a new piece of map begins, where the map may grow

@@ -8,6 +8,7 @@ drives on. One is believed when it explains what was seen, no other does nearly 
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +46,8 @@ class Relocaliser:
         self.hypotheses: list[Hypothesis] = []  # the best first
         self._searches = 0
         self._agreed = 0
+        self._scans = 0  # since the trail began
+        self.trail_from_robot = Pose2()  # at the newest scan
 
     @property
     def searches(self) -> int:
@@ -59,9 +62,13 @@ class Relocaliser:
     def add(self, scan: PointScan) -> Pose2 | None:
         """The robot in the map at this scan, once there is no doubt."""
         trail_from_robot = self._trail.add(scan)
-        if self._trail.lost_scans > self._config.lost_scans:
-            self._begin_trail()  # carried off again
+        if self._trail.lost_scans > self._config.lost_scans or self._stands_in_doubt():
+            self._begin_trail()  # carried off again, or what it saw at first was not the whole truth
             trail_from_robot = self._trail.add(scan)
+        elif len(self._trail.keyframes) > self._config.longest_trail_scans:
+            trail_from_robot = self._renew_trail(scan, trail_from_robot)
+        self._scans += 1
+        self.trail_from_robot = trail_from_robot
         if not self._reference.step():
             return None
         if self._waiting:
@@ -74,6 +81,25 @@ class Relocaliser:
             self._searched_m = self._way_m()
             self._search = PlaceSearch(self._config.search, self._reference, self._query)
         return self._decide(scan, trail_from_robot)
+
+    def _stands_in_doubt(self) -> bool:
+        """For so long that it is worth to look anew: somebody may have stood round the robot."""
+        return (
+            self._scans >= self._config.look_again_scans
+            and len(self._trail.keyframes) == 1
+            and self._search is None
+            and not self._is_sure()
+        )
+
+    def _renew_trail(self, scan: PointScan, trail_from_robot: Pose2) -> Pose2:
+        """A long one is begun anew; the hypotheses stay."""
+        kept = self.hypotheses
+        self._begin_trail()
+        new_from_robot = self._trail.add(scan)
+        old_from_new = (trail_from_robot @ new_from_robot.inverse()).as_array()
+        self.hypotheses = [replace(h, map_from_trail=compose(h.map_from_trail, old_from_new)) for h in kept]
+        self._searched_m = 0.0 if kept else None
+        return new_from_robot
 
     def _renew_query(self) -> None:
         """With what has come since; the hypotheses have to hold for it too."""

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from station_gui.mapping.slam2d.localisation.search.places import PlaceSearch, d
 from station_gui.mapping.slam2d.localisation.verify import _kernels as verify_kernels
 from station_gui.mapping.slam2d.localisation.verify.verifier import judge, verify
 from station_gui.mapping.slam2d.matching.scan_matcher import to_lines
-from station_gui.mapping.slam2d.se2_arrays import compose_all
+from station_gui.mapping.slam2d.se2_arrays import compose, compose_all
 from station_gui.mapping.slam2d.search.branch_and_bound import build_pyramid
 
 FloatArray = NDArray[np.float64]
@@ -231,3 +232,30 @@ def test_points_are_thinned_to_one_per_square() -> None:
 def test_the_query_is_the_last_part_of_the_way(way_m: float, scans: int, first: int) -> None:
     trajectory = np.column_stack((np.arange(6.0), 0.1 * np.arange(6.0), np.zeros((6, 2))))
     assert recent(trajectory, way_m, scans) == first
+
+
+def test_somebody_who_stood_round_the_robot_at_first_is_forgotten(
+    lab: FloatArray, lab_map: SavedMap, places: list[Pose2], scan_from: ScanMaker
+) -> None:
+    relocaliser = Relocaliser(replace(_CONFIG, look_again_scans=10), _reference(lab_map))
+    shut_in = np.array([(0.3, -0.3, 0.3, 0.3), (-0.3, 0.3, 0.3, 0.3), (-0.3, -0.3, 0.3, -0.3)])
+    assert _stand(relocaliser, shut_in, Pose2(), scan_from, scans=4) is None
+    found = _stand(relocaliser, lab, places[0], scan_from)
+    assert found is not None
+    assert found.distance_m(places[0]) < 0.03
+
+
+def test_hypotheses_outlive_a_trail_that_has_become_long(
+    square: FloatArray, lap: Callable[[int], list[Pose2]], scan_from: ScanMaker
+) -> None:
+    slam = GraphSlam(GraphSlamConfig())
+    rng = np.random.default_rng(0)
+    for k, pose in enumerate(lap(60)):
+        slam.add(scan_from(square, pose, rng, stamp_s=0.1 * k))
+    relocaliser = Relocaliser(replace(_CONFIG, longest_trail_scans=12), _reference(slam.saved()))
+    way = lap(60)
+    for k, pose in enumerate(way[:40]):
+        assert relocaliser.add(scan_from(square, pose, rng, Pose2(5.0, 5.0, 1.0) @ pose, 0.1 * k)) is None
+    at = np.array([compose(h.map_from_trail, relocaliser.trail_from_robot.as_array()) for h in relocaliser.hypotheses])
+    assert len(at) >= 4
+    assert np.hypot(at[:, 0] - way[39].x_m, at[:, 1] - way[39].y_m).min() < 0.05
