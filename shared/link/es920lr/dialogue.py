@@ -56,7 +56,7 @@ Step = Ask | SetBaudRate | ResetModule
 class Said(Enum):
     OK = "OK"
     REFUSED = "NG"
-    REFUSED_BINARY = "NG in binary"  # only a module in operation says it so
+    BINARY = "a reply in binary"  # only a module in operation speaks so
     MODE_QUESTION = "Select Mode"
     PROMPT = "LORA >"  # the configuration for people
     TEXT = "text"
@@ -73,7 +73,7 @@ class Answer:
 Procedure = Generator[Step, Answer, T]
 DONE = Answer(Said.NOTHING)  # to a step that gets no answer
 
-_REPLY = re.compile(rb"\x06NG (\d{3})(?!\d)|(?<![!-~])(?:OK|NG (\d{3}))\r\n")
+_REPLY = re.compile(rb"(?P<binary>\x06NG \d{3}|\x02OK)(?![\r\d])|(?<![!-~])(?:OK|NG (?P<refusal>\d{3}))\r\n")
 _VERSION = re.compile(rb"(VER [ -~]+)\r\n")
 _SHOW_END = re.compile(rb"Send Data +:[^\r\n]*\r\n(?:[^\r\n]+\r\n)*\r\n")
 _PROMPT = b"LORA > "
@@ -154,10 +154,10 @@ def _reply(heard: bytes) -> Answer | None:
     match = _REPLY.search(heard)
     if match is None:
         return None
-    if match[1] is not None:
-        return Answer(Said.REFUSED_BINARY, refusal=int(match[1]))
-    if match[2] is not None:
-        return Answer(Said.REFUSED, refusal=int(match[2]))
+    if match["binary"] is not None:
+        return Answer(Said.BINARY)
+    if match["refusal"] is not None:
+        return Answer(Said.REFUSED, refusal=int(match["refusal"]))
     return Answer(Said.OK)
 
 

@@ -87,12 +87,12 @@ def find(baud_rates: tuple[int, ...] = ()) -> Procedure[Found]:
 def _recognise(baud_rate: int) -> Procedure[Mode | None]:
     too_long = bytes([60]) + b"~" * 60
     answer = yield _ask(too_long, Wait.REPLY, baud_rate)
-    if answer.said is Said.REFUSED_BINARY:
+    if answer.said is Said.BINARY:
         return Mode.BINARY
     if answer.said is Said.MODE_QUESTION:
         return Mode.QUESTION
     answer = yield _ask(b"\r\n", Wait.REPLY, baud_rate)
-    if answer.said is Said.REFUSED_BINARY:  # the frame before had lost bytes to noise
+    if answer.said is Said.BINARY:  # the frame before had lost bytes to noise
         yield Ask(b"", Wait.QUIET, _HALF_FRAME_S)
         return Mode.BINARY
     modes = {
