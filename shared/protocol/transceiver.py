@@ -142,11 +142,15 @@ class Data:
 
 @dataclass(frozen=True, slots=True)
 class Acknowledge:
-    """The receiver of a radio's bytes has all before `received` and room for all before `limit`."""
+    """The receiver of a radio's bytes has all before `received` and room for all before `limit`.
+
+    `missing`: later bytes have come, those at `received` have not; they are sent again at once.
+    """
 
     radio: U8
     received: U16
     limit: U16
+    missing: U8 = 0
 
 
 @dataclass(frozen=True, slots=True)

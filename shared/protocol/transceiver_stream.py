@@ -26,6 +26,7 @@ class ToRadio:
         self._sent = 0  # how many of `_bytes` are on their way
         self._limit = 0
         self._progress_s = 0.0
+        self._gap: int | None = None  # the last that was reported missing and sent again for it
         self.resent_bytes = 0
 
     @property
@@ -52,14 +53,17 @@ class ToRadio:
         self._acknowledged = frame.received
         if advance:
             self._progress_s = now_s
+            self._gap = None
+        if frame.missing and self._gap != self._acknowledged:  # each frame behind a gap reports it; once is enough
+            self._gap = self._acknowledged
+            self._send_again()
         if frame.limit - frame.received & _MASK <= _LARGEST_WINDOW:
             self._limit = frame.limit
 
     def frames(self, now_s: float) -> list[Data]:
         """What may be sent now."""
         if self._sent and now_s - self._progress_s >= _RETRY_AFTER_S:
-            self.resent_bytes += self._sent
-            self._sent = 0
+            self._send_again()
         window = self._limit - self._acknowledged & _MASK
         end = min(len(self._bytes), window if window <= _LARGEST_WINDOW else 0)
         if self._sent == 0:
@@ -71,6 +75,10 @@ class ToRadio:
             self._sent += len(data)
         return frames
 
+    def _send_again(self) -> None:
+        self.resent_bytes += self._sent
+        self._sent = 0
+
 
 class FromRadio:
     """What one radio has for the host."""
@@ -80,6 +88,7 @@ class FromRadio:
         self._bytes = bytearray()
         self._received = 0
         self._told: Acknowledge | None = None
+        self._missing = False
 
     @property
     def is_empty(self) -> bool:
@@ -90,6 +99,7 @@ class FromRadio:
         news = frame.data[known:]
         if not news or len(self._bytes) + len(news) > FROM_RADIO_BYTES:
             self._told = None  # it came twice, something before it is missing, or there is no room: say what is here
+            self._missing = known > _LARGEST_WINDOW
             return
         self._bytes += news
         self._received = self._received + len(news) & _MASK
@@ -101,10 +111,12 @@ class FromRadio:
 
     def acknowledgement(self, always: bool) -> Acknowledge | None:
         """What the transceiver should know by now; None when that is no news."""
-        frame = Acknowledge(self._radio, self._received, self._received + FROM_RADIO_BYTES - len(self._bytes) & _MASK)
+        limit = self._received + FROM_RADIO_BYTES - len(self._bytes) & _MASK
+        frame = Acknowledge(self._radio, self._received, limit, int(self._missing))
         if not always and self._told is not None and not self._is_news(frame, self._told):
             return None
         self._told = frame
+        self._missing = False
         return frame
 
     @staticmethod

@@ -58,7 +58,7 @@ def test_a_gap_is_not_skipped(core: Core) -> None:
     core.tell(t.Data(0, 4, b"late"))
     core.run(2)
     assert core.leave(RADIO_A) == b""
-    assert t.Acknowledge(0, 0, t.WINDOW_BYTES) in core.heard()
+    assert t.Acknowledge(0, 0, t.WINDOW_BYTES, missing=1) in core.heard()
 
 
 def test_what_has_no_room_is_not_taken(core: Core) -> None:
@@ -108,6 +108,19 @@ def test_unacknowledged_bytes_are_sent_again(core: Core) -> None:
     core.tell(t.Acknowledge(1, 8, 1_000))
     core.run(2 * t.RETRY_AFTER_MS)
     assert of_kind(core.heard(), t.Data) == []
+
+
+def test_a_gap_that_the_host_reports_is_filled_at_once_and_once(core: Core) -> None:
+    core.open_session()
+    core.tell(t.Acknowledge(0, 0, 1_000))
+    core.arrive(RADIO_A, b"lost")
+    core.run(5)
+    core.arrive(RADIO_A, b"and found")
+    core.run(5)
+    core.heard()
+    core.tell(t.Acknowledge(0, 0, 1_000, missing=1), t.Acknowledge(0, 0, 1_000, missing=1))
+    core.run(5)
+    assert of_kind(core.heard(), t.Data) == [t.Data(0, 0, b"lostand found")]
 
 
 def test_a_host_without_room_gets_nothing(core: Core) -> None:

@@ -5,7 +5,7 @@
 
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "numbers lie in memory as on the wire");
 
-#define PROTOCOL_FINGERPRINT 0x2E6Du
+#define PROTOCOL_FINGERPRINT 0x8D8Au
 #define FIRMWARE_MAJOR 1u
 #define FIRMWARE_MINOR 0u
 #define USB_BAUD 500000ul
@@ -120,8 +120,9 @@ struct __attribute__((packed)) acknowledge {
     uint8_t radio;
     uint16_t received;
     uint16_t limit;
+    uint8_t missing;
 };
-_Static_assert(sizeof(struct acknowledge) == 5, "acknowledge is packed");
+_Static_assert(sizeof(struct acknowledge) == 6, "acknowledge is packed");
 
 struct __attribute__((packed)) ping {
     uint8_t wants_health;

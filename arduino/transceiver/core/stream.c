@@ -20,6 +20,7 @@ static uint16_t smaller(uint16_t a, uint16_t b) { return a < b ? a : b; }
 void to_host_reset(struct to_host *stream)
 {
     stream->acknowledged = stream->sent = stream->head = stream->limit = 0;
+    stream->has_gap = false;
 }
 
 bool to_host_put(struct to_host *stream, uint8_t byte, uint16_t now_ms)
@@ -37,28 +38,47 @@ bool to_host_put(struct to_host *stream, uint8_t byte, uint16_t now_ms)
     return true;
 }
 
-void to_host_acknowledge(struct to_host *stream, uint16_t received, uint16_t limit, uint16_t now_ms)
+static void send_again(struct to_host *stream, uint16_t now_ms)
 {
+    stream->resent = (uint16_t)(stream->resent + distance(stream->acknowledged, stream->sent));
+    stream->sent = stream->acknowledged;
+    stream->progress_ms = now_ms;
+}
+
+// The host reports a gap with each frame that comes behind it; the first report is enough.
+static void fill_gap(struct to_host *stream, uint16_t now_ms)
+{
+    if (stream->has_gap && stream->gap == stream->acknowledged)
+        return;
+    stream->has_gap = true;
+    stream->gap = stream->acknowledged;
+    send_again(stream, now_ms);
+}
+
+void to_host_acknowledge(struct to_host *stream, const struct acknowledge *frame, uint16_t now_ms)
+{
+    uint16_t received = frame->received;
+    uint16_t limit = frame->limit;
     uint16_t advance = distance(stream->acknowledged, received);
     if (advance > distance(stream->acknowledged, stream->head))
         return;
     if (advance > distance(stream->acknowledged, stream->sent)) // it was sent before it was sent again
         stream->sent = received;
     stream->acknowledged = received;
-    if (advance)
+    if (advance) {
         stream->progress_ms = now_ms;
+        stream->has_gap = false;
+    }
+    if (frame->missing)
+        fill_gap(stream, now_ms);
     if (distance(received, limit) <= LARGEST_WINDOW)
         stream->limit = limit;
 }
 
 static void go_back(struct to_host *stream, uint16_t now_ms)
 {
-    uint16_t unacknowledged = distance(stream->acknowledged, stream->sent);
-    if (unacknowledged && distance(stream->progress_ms, now_ms) >= RETRY_AFTER_MS) {
-        stream->resent = (uint16_t)(stream->resent + unacknowledged);
-        stream->sent = stream->acknowledged;
-        stream->progress_ms = now_ms;
-    }
+    if (stream->sent != stream->acknowledged && distance(stream->progress_ms, now_ms) >= RETRY_AFTER_MS)
+        send_again(stream, now_ms);
 }
 
 static uint8_t ready(const struct to_host *stream, uint16_t now_ms)
@@ -97,6 +117,7 @@ void to_radio_reset(struct to_radio *stream)
 {
     stream->received = stream->tail = stream->told_received = stream->told_limit = 0;
     stream->tell = true;
+    stream->missing = false;
 }
 
 bool to_radio_is_empty(const struct to_radio *stream) { return stream->received == stream->tail; }
@@ -107,6 +128,7 @@ void to_radio_receive(struct to_radio *stream, uint16_t offset, const uint8_t *d
     uint16_t used = distance(stream->tail, stream->received);
     if (known >= size || (uint16_t)(size - known) > HOST_TO_RADIO_BYTES - used) {
         stream->tell = true; // it came twice, something before it is missing, or there was no room: say what is here
+        stream->missing = known > LARGEST_WINDOW;
         return;
     }
     for (uint8_t i = (uint8_t)known; i < size; i++)
@@ -138,11 +160,11 @@ void to_radio_tell(struct to_radio *stream, uint8_t radio, struct ring *usb, uin
     uint16_t limit = (uint16_t)(stream->received + smaller(room, WINDOW_BYTES));
     if (!is_news(stream, limit, now_ms))
         return;
-    struct acknowledge body = {radio, stream->received, limit};
+    struct acknowledge body = {radio, stream->received, limit, stream->missing};
     if (!frame_write(usb, FRAME_ACKNOWLEDGE, &body, sizeof body, 0, 0))
         return;
     stream->told_received = stream->received;
     stream->told_limit = limit;
     stream->told_ms = now_ms;
-    stream->tell = false;
+    stream->tell = stream->missing = false;
 }

@@ -16,6 +16,8 @@ struct to_host {
     uint16_t first_ms; // arrival of the oldest byte that was not sent
     uint16_t last_ms;
     uint16_t progress_ms; // last acknowledgement or first sending
+    uint16_t gap; // the last that was reported missing and sent again for it
+    bool has_gap;
 };
 
 struct to_radio {
@@ -27,11 +29,12 @@ struct to_radio {
     uint16_t told_limit;
     uint16_t told_ms;
     bool tell;
+    bool missing; // something later came before what is due
 };
 
 void to_host_reset(struct to_host *stream);
 bool to_host_put(struct to_host *stream, uint8_t byte, uint16_t now_ms); // false: full
-void to_host_acknowledge(struct to_host *stream, uint16_t received, uint16_t limit, uint16_t now_ms);
+void to_host_acknowledge(struct to_host *stream, const struct acknowledge *frame, uint16_t now_ms);
 void to_host_send(struct to_host *stream, uint8_t radio, struct ring *usb, uint16_t now_ms);
 
 void to_radio_reset(struct to_radio *stream);

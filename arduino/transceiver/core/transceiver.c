@@ -27,7 +27,7 @@ static void on_data(const uint8_t *body, uint8_t size)
 static void on_acknowledge(const struct acknowledge *body, uint16_t now_ms)
 {
     if (body->radio < RADIOS)
-        to_host_acknowledge(&to_host[body->radio], body->received, body->limit, now_ms);
+        to_host_acknowledge(&to_host[body->radio], body, now_ms);
 }
 
 static void on_ping(const struct ping *body)

@@ -166,6 +166,22 @@ def test_a_stream_sends_again_what_was_not_acknowledged() -> None:
     assert stream.is_empty
 
 
+def test_a_gap_is_reported_and_filled_at_once_and_once() -> None:
+    sender, receiver = ToRadio(0), FromRadio(0)
+    sender.write(bytes(range(180)))
+    sender.acknowledge(t.Acknowledge(0, 0, 1_000), 0.0)
+    first, *behind = sender.frames(0.0)
+    reports = []
+    for frame in behind:
+        receiver.receive(frame)
+        reports.append(receiver.acknowledgement(always=False))
+    assert [r is not None and r.missing for r in reports] == [1, 1]
+    sender.acknowledge(t.Acknowledge(0, 0, 1_000, missing=1), 0.001)
+    assert sender.frames(0.001) == [first, *behind]
+    sender.acknowledge(t.Acknowledge(0, 0, 1_000, missing=1), 0.002)
+    assert sender.frames(0.002) == []
+
+
 def test_a_stream_goes_on_beyond_65536_bytes() -> None:
     sender, receiver = ToRadio(0), FromRadio(0)
     sent, heard = bytearray(), bytearray()
