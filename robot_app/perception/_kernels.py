@@ -150,6 +150,27 @@ def _put(edge_m: F32, edge_at: I32, count: int, i: int, j: int, x: float, y: flo
 
 
 @njit(nogil=True, cache=True)
+def mark_steps(z: F32, factor: float, step: U8) -> None:
+    """`step`: (R, C), 0 where the two neighbours in each of the four directions are known and no further away than
+    `factor` times as far. Most of an image is so, and many cells are asked at once; the two rows and columns along the
+    border are not asked."""
+    columns = z.shape[1]
+    size = z.size
+    flat, out = z.ravel(), step.ravel()[2 * columns : size - 2 * columns]
+    middle = flat[2 * columns : size - 2 * columns]
+    left, left2 = flat[2 * columns - 1 : size - 2 * columns - 1], flat[2 * columns - 2 : size - 2 * columns - 2]
+    right, right2 = flat[2 * columns + 1 : size - 2 * columns + 1], flat[2 * columns + 2 : size - 2 * columns + 2]
+    above, above2 = flat[columns : size - 3 * columns], flat[: size - 4 * columns]
+    below, below2 = flat[3 * columns : size - columns], flat[4 * columns :]
+    ratio = np.float32(factor)
+    for k in range(out.size):
+        limit = middle[k] * ratio
+        far = max(left[k], left2[k], right[k], right2[k], above[k], above2[k], below[k], below2[k])
+        near = min(left[k], left2[k], right[k], right2[k], above[k], above2[k], below[k], below2[k])
+        out[k] = np.uint8(far >= limit) | np.uint8(near <= np.float32(0.0))
+
+
+@njit(nogil=True, cache=True)
 def find_occluding(
     depth: U16,
     unit_m: float,
@@ -164,6 +185,7 @@ def find_occluding(
     alpha: float,
     max_step_widths: float,
     max_hole: int,
+    step: U8,
     edge_m: F32,
     edge_at: I32,
     count: int,
@@ -171,11 +193,16 @@ def find_occluding(
     """Edges of near surfaces against what lies behind them (step 1); appends to `edge_m`, returns the new count.
 
     `cell_width`: the width of a cell at 1 m. `near_m`: nearer surfaces end at the sensor's limit, not in open space.
+    `step`: (R, C) room to work in.
     """
     rows, columns = z.shape
     half = stride // 2
+    mark_steps(z, (1.0 + 0.8 * alpha * cell_width) * 0.999999, step)
     for i in range(rows):
+        inside = 2 <= i < rows - 2
         for j in range(columns):
+            if inside and step[i, j] == 0 and 2 <= j < columns - 2:
+                continue
             z0 = z[i, j]
             if z0 == 0.0 or floor[i, j] == 1:
                 continue

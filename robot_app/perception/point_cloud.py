@@ -67,7 +67,7 @@ class EdgeCloud:
         self._extent_m = np.zeros(rows * columns, np.float32)
         self._score = np.zeros(rows * columns, np.float32)
         self._smooth_m = np.zeros((rows * columns, 3), np.float32)
-        self._floor = np.zeros((rows, columns), np.uint8)
+        self._floor, self._marks = np.zeros((2, rows, columns), np.uint8)
         self._open_rows = np.zeros(columns, np.int32)
         self._rank = rng.random((rows, columns), np.float32)
         self.points = self.edges = self.samples = 0
@@ -125,6 +125,7 @@ class EdgeCloud:
             config.alpha,
             config.max_step_widths,
             config.max_hole_cells,
+            self._marks,
             self.edge_m,
             self.edge_at,
             self.edges,
@@ -160,6 +161,7 @@ class EdgeCloud:
             config.crease_arm_m,
             config.crease_angle_rad,
             config.depth_noise,
+            self._marks,
             self._bend,
             self._shift,
         )

@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
+U8 = NDArray[np.uint8]
+
+FEWEST_CELLS, MOST_CELLS = 6, 10  # of an arm of a crease
 
 
 @njit(nogil=True, cache=True)
@@ -36,6 +39,32 @@ def _fit_arm(inverse: F32, i: int, j: int, di: int, dj: int, cells: int) -> tupl
 
 
 @njit(nogil=True, cache=True)
+def mark_bends(inverse: F32, offset: int, arm_cells_m: float, least: float, mark: U8) -> None:
+    """`mark`: (R, C), 0 where `measure_creases` would find at the first glance that the surface goes straight on.
+
+    Many cells are asked at once, for one length of the arm after the other. `offset`: 1 along the rows, the number of
+    columns along the columns; `arm_cells_m`: the length of the arm in cells at 1 m; `least`: the bend of a cell.
+    """
+    flat, marks = inverse.ravel(), mark.ravel()
+    marks[:] = 0
+    for cells in range(FEWEST_CELLS, MOST_CELLS + 1):
+        reach = cells * offset
+        if 2 * reach >= flat.size:
+            return
+        middle, out = flat[reach : flat.size - reach], marks[reach : flat.size - reach]
+        before, after = flat[: flat.size - 2 * reach], flat[2 * reach :]
+        # A little more than the exact test lets through, which comes later: this one rounds otherwise.
+        low = np.float32(0.0 if cells == FEWEST_CELLS else (cells - 0.01) / arm_cells_m)
+        high = np.float32(1e9 if cells == MOST_CELLS else (cells + 1.01) / arm_cells_m)
+        limit = np.float32(0.999 * least * cells)
+        for k in range(out.size):
+            q = middle[k]
+            bend = abs(before[k] + after[k] - q - q) >= limit * q
+            known = min(before[k], after[k], q) > np.float32(0.0)
+            out[k] |= np.uint8(bend & known & (q >= low) & (q <= high))
+
+
+@njit(nogil=True, cache=True)
 def measure_creases(
     inverse: F32,
     slopes: F32,
@@ -45,6 +74,7 @@ def measure_creases(
     arm_m: float,
     min_angle_rad: float,
     noise: float,
+    mark: U8,
     angle: F32,
     shift: F32,
 ) -> None:
@@ -53,19 +83,20 @@ def measure_creases(
     `angle`: (R, C) rad, 0 where there is no crease. `shift`: (R, C) where the two sides meet, cells from the cell.
     A plane's inverse depth is linear in the image, whatever its slant: a crease is where two straight pieces meet.
     `inverse`: (R, C) 1/m, 0 where there is nothing to look at. `slopes`: of the columns or rows; `cell_slope`: the
-    step of a cell in them. `noise`: of the depth at 1 m, m.
+    step of a cell in them. `noise`: of the depth at 1 m, m. `mark`: (R, C) room to work in.
     """
     rows, columns = inverse.shape
     half = stride // 2
     least = 2.0 * math.tan(0.5 * min_angle_rad)
+    angle[:] = 0.0
+    mark_bends(inverse, columns if vertical == 1 else 1, arm_m / cell_slope, 0.6 * least * cell_slope, mark)
     for i in range(rows):
         for j in range(columns):
-            angle[i, j] = 0.0
-            q = float(inverse[i, j])
-            if q == 0.0:
+            if mark[i, j] == 0:
                 continue
+            q = float(inverse[i, j])
             z0 = 1.0 / q
-            cells = min(max(int(arm_m / (cell_slope * z0)), 6), 10)
+            cells = min(max(int(arm_m / (cell_slope * z0)), FEWEST_CELLS), MOST_CELLS)
             di, dj = (cells, 0) if vertical == 1 else (0, cells)
             if i < di or j < dj or i + di >= rows or j + dj >= columns:
                 continue
