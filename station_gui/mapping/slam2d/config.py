@@ -31,7 +31,7 @@ class LocalMapConfig:
     graph_reach_m: float = 30.0  # along the graph: what is farther may have drifted against the robot
     view_m: float = 18.0  # keyframes this near to the robot are in the window
     rebuild_distance_m: float = 4.0  # driven between two rebuilds
-    units_per_step: int = 16_000  # spreads a rebuild over the steps that follow; a unit is about 15 ns
+    units_per_step: int = 12_000  # spreads a rebuild over the steps that follow; a unit is about 15 ns
     max_scans: int = 900
     max_nodes: int = 1000  # that are asked whether they are near
 
@@ -114,7 +114,7 @@ class LoopConfig:
     max_branches: int = 20_000
     cached_places: int = 8
     max_place_surfels: int = 20_000
-    units_per_step: int = 10_000  # a unit is about 15 ns
+    units_per_step: int = 8_000  # a unit is about 15 ns
     agreement_m: float = 0.3  # of two far closures that confirm each other
     agreement_rad: float = math.radians(3.0)
 
@@ -131,7 +131,7 @@ class PoseGraphConfig:
     found_turn_sigma_rad: float = math.radians(1.0)
     switch_chi2: float = 12.0  # a closure whose error is above this loses weight (dynamic covariance scaling)
     iterations: int = 12
-    blocks_per_step: int = 12_000  # products of 3 × 3 blocks, or as much work: about 0.2 ms
+    blocks_per_step: int = 10_000  # products of 3 × 3 blocks, or as much work: about 0.2 ms
     optimise_chi2: float = 4.0  # a closure that the graph agrees with better is not worth an optimisation now
     optimise_nodes: int = 8  # small corrections wait until this many nodes have come
     moved_m: float = 0.005  # poses that move less are not a new revision

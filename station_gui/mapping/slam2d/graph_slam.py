@@ -302,12 +302,13 @@ class GraphSlam:
 
     def _work(self) -> None:
         """A bounded share of what is put off: loops and their optimisation, some scans of the next window."""
+        busy = self._upkeep.busy
         if self._upkeep.step():
             self._note_revision()
         if not self._local.building and self._since_rebuild_m > self._config.local_map.rebuild_distance_m:
             self._since_rebuild_m = 0.0
             self._local.begin(self._graph, self._by_node, self._node, self._map_pose())
-        if self._local.step():
+        elif self._local.step(spare=busy):
             self._adopt_window()
 
     def _note_revision(self) -> None:

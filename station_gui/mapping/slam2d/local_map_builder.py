@@ -78,12 +78,13 @@ class LocalMapBuilder:
         if self._building:
             self._pieces.insert(0, (self._next_from_node.copy(), [keyframe]))
 
-    def step(self) -> bool:
-        """Work a little on the next window; True when it has just come into use.
+    def step(self, *, spare: bool = False) -> bool:
+        """Work a little, half as much to spare the step, on the next window; True when it has just come into use.
 
         Its frame is the map's as it was when the making began: the graph may have bent since.
         """
-        if self._task is None or not self._share.run(self._task, self._config.units_per_step):
+        units = self._config.units_per_step // 2 if spare else self._config.units_per_step
+        if self._task is None or not self._share.run(self._task, units):
             return False
         self._task = None
         self._front, self._back = self._back, self._front

@@ -113,6 +113,8 @@ class LoopCloser:
         config = self._config
         if candidate.shift_m > 0:
             yield from self._places.raise_pyramid(place)
+        if self.share.left < _QUERY_UNITS:
+            yield
         query = self._query(graph, by_node, candidate.new)
         self.share.take(_QUERY_UNITS)
         if len(query.points_m) < config.min_query_points:

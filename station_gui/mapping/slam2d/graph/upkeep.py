@@ -50,6 +50,11 @@ class GraphUpkeep:
         """Nodes, older one first, that closures join."""
         return self._closed
 
+    @property
+    def busy(self) -> bool:
+        """Something is under way or waits."""
+        return self._looking is not None or bool(self._waiting) or self._graph.optimising
+
     def look_for_loops(self, node: int) -> None:
         """Some time soon, from a node whose scans are all there."""
         self._waiting.append(node)

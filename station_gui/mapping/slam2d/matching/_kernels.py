@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 NONE_NEAR = 255
+TILE = 32  # cells along a side
 
 
 @njit(nogil=True, cache=True)
@@ -156,6 +157,57 @@ def _brush(
             if d2 <= reach * reach and d2 < distance2[row + dr, column + dc]:
                 distance2[row + dr, column + dc] = d2
                 nearest[row + dr, column + dc] = index
+
+
+@njit(nogil=True, cache=True)
+def mark_tiles(
+    surfels: FloatArray,
+    used: int,
+    origin_x: float,
+    origin_y: float,
+    cell_m: float,
+    reach: int,
+    dirty: NDArray[np.bool_],
+    state: NDArray[np.int64],
+    budget: int,
+) -> int:
+    """Mark the tiles of `TILE` cells that the surfels from `state[0]` on have written to."""
+    last = min(used, state[0] + budget)
+    done = last - state[0]
+    for index in range(state[0], last):
+        column = math.floor((surfels[index, 1] / surfels[index, 0] - origin_x) / cell_m)
+        row = math.floor((surfels[index, 2] / surfels[index, 0] - origin_y) / cell_m)
+        for r in range(max(0, row - reach - 1) // TILE, min((row + reach + 1) // TILE + 1, dirty.shape[0])):
+            for q in range(max(0, column - reach - 1) // TILE, min((column + reach + 1) // TILE + 1, dirty.shape[1])):
+                dirty[r, q] = True
+    state[0] = last
+    return int(done + 1)
+
+
+@njit(nogil=True, cache=True)
+def clear_tiles(
+    dirty: NDArray[np.bool_],
+    nearest: NDArray[np.int32],
+    distance2: NDArray[np.uint8],
+    state: NDArray[np.int64],
+    budget: int,
+) -> int:
+    """Empty the marked tiles from `state[0]` on, row after row, and take their marks off."""
+    height, width = nearest.shape
+    work = 0
+    while state[0] < dirty.size and work < budget:
+        r = state[0] // dirty.shape[1]
+        q = state[0] % dirty.shape[1]
+        work += 1
+        if dirty[r, q]:
+            dirty[r, q] = False
+            for row in range(r * TILE, min((r + 1) * TILE, height)):
+                for column in range(q * TILE, min((q + 1) * TILE, width)):
+                    nearest[row, column] = -1
+                    distance2[row, column] = NONE_NEAR
+            work += TILE * TILE // 8
+        state[0] += 1
+    return work
 
 
 @njit(nogil=True, cache=True)

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from station_gui.mapping.slam2d.matching import _kernels
 from station_gui.mapping.slam2d.share import Share, Task, at_once
 
-_ROWS_AT_ONCE = 32
-_CELLS_PER_UNIT = 20
 _UNITS_PER_SCAN = 400
 _UNITS_PER_SURFEL = 10
 
@@ -26,27 +24,39 @@ class LocalMap:
         side = round(size_m / cell_m)
         self.cell_m = cell_m
         self.size_m = side * cell_m
-        self.nearest = np.empty((side, side), np.int32)
-        self.distance2 = np.empty((side, side), np.uint8)
-        self.surfels = np.empty((max_surfels, 5))
+        self.origin_x_m = -0.5 * self.size_m
+        self.origin_y_m = -0.5 * self.size_m
+        self.nearest = np.full((side, side), -1, np.int32)
+        self.distance2 = np.full((side, side), _kernels.NONE_NEAR, np.uint8)
+        self.surfels = np.zeros((max_surfels, 5))
+        self.used = 0
+        tiles = -(-side // _kernels.TILE)
+        self._dirty = np.zeros((tiles, tiles), np.bool_)
         self._reach_cells = reach_cells
         self._max_count = max_count
-        self.clear(0.0, 0.0)
 
     def clear(self, centre_x_m: float, centre_y_m: float) -> None:
         at_once(lambda share: self.clear_slowly(centre_x_m, centre_y_m, share))
 
     def clear_slowly(self, centre_x_m: float, centre_y_m: float, share: Share) -> Task:
         """The map is of no use until the task has come to its end."""
+        dirty, used = self._dirty, self.used
+        origin_m = self.origin_x_m, self.origin_y_m
+        yield from share.spread(
+            lambda s, b: _kernels.mark_tiles(
+                self.surfels, used, *origin_m, self.cell_m, self._reach_cells, dirty, s, b
+            ),
+            np.zeros(1, np.int64),
+            used,
+        )
+        yield from share.spread(
+            lambda s, b: _kernels.clear_tiles(dirty, self.nearest, self.distance2, s, b),
+            np.zeros(1, np.int64),
+            dirty.size,
+        )
         self.used = 0
         self.origin_x_m = centre_x_m - 0.5 * self.size_m
         self.origin_y_m = centre_y_m - 0.5 * self.size_m
-        for row in range(0, len(self.nearest), _ROWS_AT_ONCE):
-            if share.left <= 0:
-                yield
-            self.nearest[row : row + _ROWS_AT_ONCE].fill(-1)
-            self.distance2[row : row + _ROWS_AT_ONCE].fill(_kernels.NONE_NEAR)
-            share.take(_ROWS_AT_ONCE * len(self.nearest) // _CELLS_PER_UNIT)
 
     def insert(
         self,
