@@ -68,6 +68,9 @@ def test_every_evaluation_explains_itself(evaluation: str) -> None:
         ("replay", ["--carmen", "absent.clf", "--out", "/tmp/x"], "absent.clf: there is no such file"),
         ("evaluate", ["mission", "--scenario", "nowhere"], "no scenario 'nowhere'"),
         ("evaluate", ["mission", "--robot", "absent.toml"], "absent.toml"),
+        ("evaluate", ["mission", "--seeds", "3-1"], "'3-1' is no range of seeds"),
+        ("evaluate", ["mission", "--slip", "5"], "'5' is no share from 0 to 0.5"),
+        ("evaluate", ["urg", "absent.dat"], "absent.dat: there is no such file"),
         ("evaluate", ["slam", "absent.clf", "--relations", "absent.gz"], "absent"),
     ],
 )

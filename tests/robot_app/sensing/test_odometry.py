@@ -69,3 +69,15 @@ def test_a_gap_in_the_gyro_does_not_turn_the_robot() -> None:
     before = odometry.state.odom_from_robot.theta_rad
     odometry.update(None, ImuSample(now_s + 3.0, (0.0, 0.0, 0.5), (0.0, 0.0, 9.81)))
     assert odometry.state.odom_from_robot.theta_rad - before == pytest.approx(0.05, abs=1e-6)
+
+
+def test_a_wheel_that_slips_does_not_turn_the_robot() -> None:
+    """Its ticks would; the gyro knows better, and of the way half of the error is left."""
+    odometry = Odometry(OdometryConfig(), CAR)
+    for i in range(1, 501):
+        ticks = 0.2 * i / 100 / TICK_M
+        count = EncoderCount(i / 100, math.floor(1.3 * ticks), math.floor(ticks))
+        odometry.update(count, ImuSample(i / 100, (0.0, 0.0, 0.0), (0.0, 0.0, 9.81)))
+    pose = odometry.state.odom_from_robot
+    assert pose.theta_rad == 0.0
+    assert pose.x_m == pytest.approx(1.15 * 1.0, abs=2 * TICK_M)
