@@ -18,24 +18,29 @@ U8 = NDArray[np.uint8]
 FEWEST_CELLS, MOST_CELLS = 6, 10  # of an arm of a crease
 
 
-@njit(nogil=True, cache=True)
-def _fit_arm(inverse: F32, i: int, j: int, di: int, dj: int, cells: int) -> tuple[float, float, float]:
-    """A line through the inverse depth of `cells` cells from (i, j) on: its value there, its slope a cell, and the
-    largest deviation; the value is 0 where a cell is empty."""
+@njit(nogil=True, cache=True, inline="always")
+def _fit_arm(flat: F32, at: int, step: int, cells: int) -> tuple[float, float]:
+    """A line through the inverse depth of `cells` cells from `at` on: its value there and its slope a cell; the value
+    is 0 where a cell is empty."""
     mean_k = 0.5 * (cells + 1)
     total, moment = 0.0, 0.0
+    least = np.float32(1.0)
     for k in range(1, cells + 1):
-        q = inverse[i + di * k, j + dj * k]
-        if q == 0.0:
-            return 0.0, 0.0, 0.0
+        q = flat[at + step * k]
+        least = min(least, q)
         total += q
         moment += (k - mean_k) * q
     slope = moment * 12.0 / (cells * (cells * cells - 1.0))
-    value = total / cells - slope * mean_k
+    return (total / cells - slope * mean_k if least > 0.0 else 0.0), slope
+
+
+@njit(nogil=True, cache=True, inline="always")
+def _is_straight(flat: F32, at: int, step: int, cells: int, value: float, slope: float, slack: float) -> bool:
+    """Whether no cell is further than `slack` from the line of `_fit_arm`."""
     worst = 0.0
     for k in range(1, cells + 1):
-        worst = max(worst, abs(inverse[i + di * k, j + dj * k] - value - slope * k))
-    return value, slope, worst
+        worst = max(worst, abs(flat[at + step * k] - value - slope * k))
+    return worst <= slack
 
 
 @njit(nogil=True, cache=True)
@@ -88,8 +93,11 @@ def measure_creases(
     rows, columns = inverse.shape
     half = stride // 2
     least = 2.0 * math.tan(0.5 * min_angle_rad)
+    tangent = math.tan(min_angle_rad)
+    flat = inverse.ravel()
+    step = columns if vertical == 1 else 1
     angle[:] = 0.0
-    mark_bends(inverse, columns if vertical == 1 else 1, arm_m / cell_slope, 0.6 * least * cell_slope, mark)
+    mark_bends(inverse, step, arm_m / cell_slope, 0.6 * least * cell_slope, mark)
     for i in range(rows):
         for j in range(columns):
             if mark[i, j] == 0:
@@ -103,21 +111,27 @@ def measure_creases(
             qa, qb = inverse[i - di, j - dj], inverse[i + di, j + dj]
             if qa == 0.0 or qb == 0.0 or abs(qa + qb - 2.0 * q) < 0.6 * least * cells * cell_slope * q:
                 continue
-            step_i, step_j = (1, 0) if vertical == 1 else (0, 1)
-            qa, slope_a, off_a = _fit_arm(inverse, i, j, -step_i, -step_j, cells)
-            qb, slope_b, off_b = _fit_arm(inverse, i, j, step_i, step_j, cells)
-            if qa == 0.0 or qb == 0.0:
-                continue
-            sigma_m = noise * z0 * z0
-            slack_q = (3.5 * sigma_m + 0.15 * cell_slope * z0) * q * q
-            if off_a > slack_q or off_b > slack_q or slope_a + slope_b == 0.0:
+            at = i * columns + j
+            qa, slope_a = _fit_arm(flat, at, -step, cells)
+            qb, slope_b = _fit_arm(flat, at, step, cells)
+            if qa == 0.0 or qb == 0.0 or slope_a + slope_b == 0.0:
                 continue
             where = (qb - qa) / (-slope_a - slope_b)
             if abs(where) > 1.5:
                 continue
+            # The angle by its tangent, which asks most cells no more than this.
             s0 = slopes[half + (i if vertical == 1 else j) * stride]
-            ahead = math.atan2(-slope_b, cell_slope * q - s0 * slope_b)
-            behind = math.atan2(slope_a, cell_slope * q + s0 * slope_a)
+            run_a, run_b = cell_slope * q + s0 * slope_a, cell_slope * q - s0 * slope_b
+            along = run_a * run_b - slope_a * slope_b
+            if along > 0.0 and abs(cell_slope * q * (slope_a + slope_b)) < 0.999 * tangent * along:
+                continue
+            sigma_m = noise * z0 * z0
+            slack_q = (3.5 * sigma_m + 0.15 * cell_slope * z0) * q * q
+            if not _is_straight(flat, at, -step, cells, qa, slope_a, slack_q):
+                continue
+            if not _is_straight(flat, at, step, cells, qb, slope_b, slack_q):
+                continue
+            ahead, behind = math.atan2(-slope_b, run_b), math.atan2(slope_a, run_a)
             bend = abs(ahead - behind)
             sigma_rad = 1.5 * sigma_m * math.sqrt(12.0 / cells**3) / (cell_slope * z0)
             if bend > max(min_angle_rad, 4.0 * sigma_rad):
