@@ -32,7 +32,8 @@ class EdgeConfig:
     sample_spacing_m: float = 0.02  # of the sample nodes along an edge
     corner_gain: float = 4.0  # by how much the end of an edge is preferred to its middle as a sample, a corner less
     min_curve_m: float = 0.06  # smaller edges are noise,
-    min_curve_cells: float = 6.0  # and so are those of fewer cells of `stride_px`
+    min_curve_cells: float = 6.0  # and so are those of fewer cells of `stride_px`,
+    max_roughness: float = 0.42  # and those that bend everywhere: the mean of 1 + cos of the angle at each point
     corner_arm_points: int = 5  # how many edge points to either side tell a corner
     # Table 3 is for furniture: smaller things are learned with lengths in proportion to their size, down to a quarter.
     detail_curve_m: float = 0.5
@@ -82,6 +83,7 @@ class RefineConfig:
     node_reach_m: float = 0.2  # n_x = n_y = n_z
     node_support_m: float = 0.06  # the length of edge that has to lie within node_reach_m
     connection_reach_m: float = 0.06  # q_x = q_y = q_z
+    loop_step_m: float = 0.015  # of the points that are looked at along what would close a loop
     connection_step_m: float = 0.04  # of the points that are looked at along a connection
 
     def __post_init__(self) -> None:

@@ -90,6 +90,7 @@ class Refiner:
             network.node_m,
             network.node_curve,
             cloud.curve_group,
+            cloud.curve_detail,
             self._beside,
             self._degree,
             network.nodes,
@@ -99,7 +100,7 @@ class Refiner:
             cloud.lens,
             cloud.stride,
             config.connection_reach_m,
-            config.connection_step_m,
+            config.loop_step_m,
             cloud.edge_m,
             cloud.edge_at,
         )

@@ -95,10 +95,12 @@ class CurveTracer:
         )
         kernels.measure(
             self._smooth_m,
+            self._score,
             self._start,
             curves,
             config.min_curve_m,
             config.min_curve_cells,
+            config.max_roughness,
             cell_width,
             config.detail_curve_m,
             config.max_detail,

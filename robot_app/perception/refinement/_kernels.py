@@ -231,6 +231,7 @@ def close_loops(
     node_m: F32,
     node_curve: I32,
     curve_group: I32,
+    curve_detail: F32,
     beside: I32,
     degree: I32,
     nodes: int,
@@ -254,7 +255,7 @@ def close_loops(
             if k == v or degree[k] == 0 or curve_group[node_curve[k]] != group or are_connected(beside, degree, v, k):
                 continue
             distance = separation(node_m, v, node_m, k)
-            if distance > loop_reach_m:
+            if distance > loop_reach_m / curve_detail[node_curve[v]]:
                 continue
             angle = angle_at(node_m, a, v, k)
             value = eta_angle_per_rad * angle + eta_distance_per_m * distance

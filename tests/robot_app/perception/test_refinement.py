@@ -14,6 +14,7 @@ LENS = np.array([457.0, 457.0, 320.0, 240.0])
 STRIDE = 4
 SUPPORT = (LENS, STRIDE, 0.06, 0.04)
 STRAIGHT = (math.radians(160), 0.015, 0.35)
+ALIKE = np.ones(2, np.float32)  # no curve is drawn finer
 P_OPEN = (math.degrees(0.01), -0.95, 0.35)
 
 Neighbours = tuple[np.ndarray, np.ndarray]
@@ -108,7 +109,7 @@ def test_an_open_outline_is_closed_where_edges_lead() -> None:
     edge_m, edge_at = edge_line(*corners, corners[0])
     node_m, linked = nodes(*corners), chain(4)
     curve = np.zeros(4, np.int32)
-    kernels.close_loops(node_m, curve, np.zeros(1, np.int32), *linked, 4, *P_OPEN, *SUPPORT, edge_m, edge_at)
+    kernels.close_loops(node_m, curve, np.zeros(1, np.int32), ALIKE, *linked, 4, *P_OPEN, *SUPPORT, edge_m, edge_at)
     assert pairs_of(*linked) == {(0, 1), (1, 2), (2, 3), (0, 3)}
 
 
@@ -117,7 +118,7 @@ def test_an_open_outline_is_not_closed_through_free_air() -> None:
     edge_m, edge_at = edge_line(*corners)
     node_m, linked = nodes(*corners), chain(4)
     curve = np.zeros(4, np.int32)
-    kernels.close_loops(node_m, curve, np.zeros(1, np.int32), *linked, 4, *P_OPEN, *SUPPORT, edge_m, edge_at)
+    kernels.close_loops(node_m, curve, np.zeros(1, np.int32), ALIKE, *linked, 4, *P_OPEN, *SUPPORT, edge_m, edge_at)
     assert pairs_of(*linked) == {(0, 1), (1, 2), (2, 3)}
 
 
@@ -129,7 +130,7 @@ def test_an_open_outline_is_not_closed_to_a_curve_that_it_does_not_touch() -> No
         neighbours(np.kron(np.eye(2, dtype=np.uint8), np.array([[0, 1], [1, 0]], np.uint8))),
     )
     curve, groups = np.array([0, 0, 1, 1], np.int32), np.array([0, 1], np.int32)
-    kernels.close_loops(node_m, curve, groups, *linked, 4, *P_OPEN, *SUPPORT, edge_m, edge_at)
+    kernels.close_loops(node_m, curve, groups, ALIKE, *linked, 4, *P_OPEN, *SUPPORT, edge_m, edge_at)
     assert pairs_of(*linked) == {(0, 1), (2, 3)}
 
 

@@ -356,10 +356,12 @@ def _extent_m(place_m: F32, first: int, last: int) -> float:
 @njit(nogil=True, cache=True)
 def measure(
     smooth_m: F32,
+    score: F32,
     start: I32,
     curves: int,
     min_extent_m: float,
     min_cells: float,
+    max_roughness: float,
     cell_width: float,
     detail_extent_m: float,
     max_detail: float,
@@ -374,6 +376,11 @@ def measure(
         first, last = start[curve], start[curve + 1]
         extent_m[curve] = 0.0 if last - first < FEW_POINTS else _extent_m(smooth_m, first, last)
         if extent_m[curve] < max(min_extent_m, min_cells * cell_width * smooth_m[(first + last) // 2, 2]):
+            extent_m[curve] = 0.0
+        sharpness, inner = 0.0, last - first - 4
+        for k in range(first + 2, last - 2):
+            sharpness += score[k]
+        if inner > 2 and sharpness > max_roughness * inner:
             extent_m[curve] = 0.0
         detail[curve] = min(max(1.0, detail_extent_m / max(extent_m[curve], 1e-3)), max_detail)
 
