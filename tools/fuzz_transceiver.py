@@ -142,7 +142,7 @@ class _Host:
         _check(len(output) < 4 * TO_RADIO_BYTES, "the host said too much at once")
         for frame in self._own.feed(output):
             if isinstance(frame, t.Hello):
-                self.session.feed(encode(t.Welcome(frame.session)), self._now_s)
+                self.session.feed(encode(t.Welcome(frame.session, *t.VERSION, 0, 0)), self._now_s)
 
 
 def _check(holds: bool, complaint: str) -> None:

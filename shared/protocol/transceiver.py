@@ -114,9 +114,13 @@ class Hello:
 
 @dataclass(frozen=True, slots=True)
 class Welcome:
-    """Mega: the session has begun."""
+    """Mega: the session has begun; the rest as in `Announce`, which a host that came back quickly has not heard."""
 
     session: U32
+    major: U8
+    minor: U8
+    reset_cause: U8
+    reset_detail: U8
 
 
 @dataclass(frozen=True, slots=True)

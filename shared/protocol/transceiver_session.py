@@ -199,16 +199,20 @@ class TransceiverSession:
         self._greet(now_s)
 
     def _on_announce(self, frame: t.Announce, now_s: float) -> None:
-        self.health.firmware = (frame.major, frame.minor)
-        self.health.reset_detail = frame.reset_detail
-        self.health.reset_cause = (
-            t.ResetCause(frame.reset_cause) if frame.reset_cause < len(t.ResetCause) else t.ResetCause.BAD_INTERRUPT
-        )
+        self._note(frame)
         if frame.fingerprint != t.FINGERPRINT:
             self._refuse(frame.fingerprint)
         elif self.state is not State.GREETING:
             self._lose(f"it began anew: {describe_reset(self.health)}", State.SILENT)
             self._begin_greeting(now_s)
+
+    def _note(self, frame: t.Announce | t.Welcome) -> None:
+        """Which firmware it is and why it began."""
+        self.health.firmware = (frame.major, frame.minor)
+        self.health.reset_detail = frame.reset_detail
+        self.health.reset_cause = (
+            t.ResetCause(frame.reset_cause) if frame.reset_cause < len(t.ResetCause) else t.ResetCause.BAD_INTERRUPT
+        )
 
     def _refuse(self, fingerprint: int) -> None:
         self._lose(
@@ -221,6 +225,7 @@ class TransceiverSession:
         if self.state is not State.GREETING or frame.session != self._session:
             return
         self.state = State.OPEN
+        self._note(frame)
         self.health.sessions += 1
         self._tag = 0  # the firmware has forgotten the tags of the last session
         self._pinged_s = self._asked_s = self._commanded_s = -10.0

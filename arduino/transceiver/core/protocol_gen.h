@@ -5,7 +5,7 @@
 
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "numbers lie in memory as on the wire");
 
-#define PROTOCOL_FINGERPRINT 0x8D8Au
+#define PROTOCOL_FINGERPRINT 0x9CEAu
 #define FIRMWARE_MAJOR 1u
 #define FIRMWARE_MINOR 0u
 #define USB_BAUD 500000ul
@@ -102,8 +102,12 @@ _Static_assert(sizeof(struct hello) == 6, "hello is packed");
 
 struct __attribute__((packed)) welcome {
     uint32_t session;
+    uint8_t major;
+    uint8_t minor;
+    uint8_t reset_cause;
+    uint8_t reset_detail;
 };
-_Static_assert(sizeof(struct welcome) == 4, "welcome is packed");
+_Static_assert(sizeof(struct welcome) == 8, "welcome is packed");
 
 struct __attribute__((packed)) refuse {
     uint16_t fingerprint;

@@ -44,7 +44,8 @@ void session_goodbye(void) { session.number = 0; }
 
 static void answer(void)
 {
-    struct welcome welcome = {session.number};
+    struct welcome welcome = {session.number, FIRMWARE_MAJOR, FIRMWARE_MINOR, session.reset_cause,
+                              session.reset_detail};
     if (session.welcome && frame_write(usb_out(), FRAME_WELCOME, &welcome, sizeof welcome, 0, 0))
         session.welcome = false;
     struct refuse refuse = {PROTOCOL_FINGERPRINT};

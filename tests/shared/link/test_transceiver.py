@@ -69,7 +69,7 @@ class EchoMega:
                 return [t.Refuse(self._fingerprint)]
             case t.Hello():
                 self._offset = [0] * t.RADIOS
-                return [t.Welcome(frame.session), *(self._room(radio) for radio in range(t.RADIOS))]
+                return [t.Welcome(frame.session, 1, 0, 0, 0), *(self._room(radio) for radio in range(t.RADIOS))]
             case t.SetBaud() | t.ResetRadio():
                 return [t.Done(frame.tag, t.Result.DONE)]
             case t.Data() if frame.offset == self._offset[frame.radio]:

@@ -35,7 +35,7 @@ class Talk:
     def open(self) -> None:
         (hello,) = self.say(ANNOUNCE)
         assert isinstance(hello, t.Hello)
-        commands = [f for f in self.say(t.Welcome(hello.session)) if isinstance(f, t.SetBaud)]
+        commands = [f for f in self.say(t.Welcome(hello.session, *t.VERSION, 0, 0)) if isinstance(f, t.SetBaud)]
         while commands:
             commands = [f for f in self.say(t.Done(commands[0].tag, 0)) if isinstance(f, t.SetBaud)]
         assert self.session.is_up
@@ -54,8 +54,8 @@ def test_it_greets_until_it_is_welcomed_and_sets_both_rates(talk: Talk) -> None:
     assert talk.say(ANNOUNCE) == [t.Hello(t.FINGERPRINT, 42)]
     assert talk.wait(0.1) == []
     assert talk.wait(0.15) == [t.Hello(t.FINGERPRINT, 42)]
-    assert talk.say(t.Welcome(41)) == []
-    frames = talk.say(t.Welcome(42))
+    assert talk.say(t.Welcome(41, *t.VERSION, 0, 0)) == []
+    frames = talk.say(t.Welcome(42, *t.VERSION, t.ResetCause.RESET_PIN, 0))
     assert t.Ping(1) in frames
     assert t.SetBaud(1, 0, 115_200) in frames
     assert t.SetBaud(2, 1, 115_200) in talk.say(t.Done(1, 0))
@@ -89,8 +89,10 @@ def test_a_firmware_that_begins_anew_ends_the_session_and_is_greeted(talk: Talk)
 def test_frames_of_an_old_session_are_not_taken_for_those_of_the_new(talk: Talk) -> None:
     talk.say(t.Data(0, 0, b"of yesterday"))
     talk.say(t.Data(0, 12, b"still"))
-    talk.say(t.Welcome(42), t.Data(0, 0, b"today"))
+    talk.say(t.Welcome(42, *t.VERSION, t.ResetCause.RESET_PIN, 0), t.Data(0, 0, b"today"))
     assert talk.session.read(0) == b"today"
+    assert talk.session.health.firmware == t.VERSION
+    assert talk.session.health.reset_cause is t.ResetCause.RESET_PIN
 
 
 @pytest.mark.parametrize("frame", [t.Announce(1, 9, 9, 0, 0), t.Refuse(1)])

@@ -82,7 +82,7 @@ class Core:
     def open_session(self, number: int = 5) -> None:
         self.heard()
         self.tell(Hello(FINGERPRINT, number))
-        if Welcome(number) not in self.heard():
+        if number not in {frame.session for frame in self.heard() if isinstance(frame, Welcome)}:
             raise AssertionError("the firmware did not welcome its host")
 
     def disturb(self, port: int, framing: bool, overrun: bool) -> None:
