@@ -115,6 +115,7 @@ class LoopConfig:
     cached_places: int = 8
     max_place_surfels: int = 20_000
     units_per_step: int = 8_000  # a unit is about 15 ns
+    weak_share: float = 0.05  # a direction that so few of the points hold is hardly known
     agreement_m: float = 0.3  # of two far closures that confirm each other
     agreement_rad: float = math.radians(3.0)
 

@@ -163,6 +163,20 @@ class LoopCloser:
         return LineScan(np.ascontiguousarray(np.vstack(points)), np.ascontiguousarray(np.vstack(normals)))
 
 
+def without_weak_direction(information: NDArray[np.float64], weak_share: float) -> NDArray[np.float64]:
+    """The (3, 3) information with less of the shift's weaker direction where it is a small share of the other.
+
+    Along a bare corridor the scatter of the normals alone makes it look as if some points held the robot: what is
+    believed goes down with the square of that share, as for the prediction in `prior_information`.
+    """
+    points, directions = np.linalg.eigh(information[:2, :2])
+    share = max(float(points[0]), 0.0) / max(float(points[1]), 1e-9)
+    keep = share / math.hypot(share, weak_share)
+    shrink = np.eye(3)
+    shrink[:2, :2] -= (1.0 - keep) * np.outer(directions[:, 0], directions[:, 0])
+    return np.asarray(shrink @ information @ shrink)
+
+
 def edge_information(
     match_information: NDArray[np.float64], theta_rad: float, shift_sigma_m: float, turn_sigma_rad: float
 ) -> NDArray[np.float64]:

@@ -12,7 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station_gui.mapping.slam2d.config import LoopConfig, PoseGraphConfig
-from station_gui.mapping.slam2d.graph.loop_closure import Closure, LoopCloser, edge_information
+from station_gui.mapping.slam2d.graph.loop_closure import (
+    Closure,
+    LoopCloser,
+    edge_information,
+    without_weak_direction,
+)
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
 from station_gui.mapping.slam2d.keyframes import Keyframe
 from station_gui.mapping.slam2d.se2_arrays import between, compose
@@ -122,7 +127,8 @@ class GraphUpkeep:
     def _accept(self, closures: list[Closure]) -> None:
         config = self._config
         for closure in closures:
-            information = edge_information(closure.information, 0.0, config.shift_sigma_m, config.turn_sigma_rad)
+            held = without_weak_direction(closure.information, self._loops.weak_share)
+            information = edge_information(held, 0.0, config.shift_sigma_m, config.turn_sigma_rad)
             self._graph.add_edge(closure.old, closure.new, closure.measured, information, 0.5, robust=True)
             self._closed.append((closure.old, closure.new))
         if float(self._graph.last_chi2(len(closures)).max()) > config.optimise_chi2:
