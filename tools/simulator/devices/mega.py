@@ -63,6 +63,12 @@ class _Program:
             arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
         )
         self._pending = bytearray()
+        try:
+            self.until("ready", _START_S)
+        except MegaError as error:
+            self.close()
+            self.close_output()
+            raise MegaError(f"{error}: {' '.join(arguments)}") from error
 
     def tell(self, command: str) -> None:
         try:
@@ -117,11 +123,10 @@ def _pipe(pipe: IO[bytes] | None) -> IO[bytes]:
 
 
 class StepMega:
-    """Virtual time: nothing happens between two calls of `run`."""
+    """Virtual time: nothing happens between two calls of `run`. Raises `MegaError` when the emulation ends."""
 
     def __init__(self, files: MegaFiles, boot_loader: Path | None = None) -> None:
         self._program = _Program([str(files.host), "step", str(files.firmware), *_optional(boot_loader)])
-        self._program.until("ready", _START_S)
 
     def __enter__(self) -> StepMega:
         return self
@@ -165,6 +170,7 @@ class LiveMega:
     """The wall's time. `usb`, `radio_a` and `radio_b` are names that serial drivers open.
 
     Opening `usb` resets the Mega, as DTR does on a real one. `on_event` is called from this object's own thread.
+    Raises `MegaError`.
     """
 
     def __init__(
@@ -178,14 +184,11 @@ class LiveMega:
         self.usb, self.radio_a, self.radio_b = (str(name) for name in names)
         self._on_event = on_event
         self._answered = threading.Event()
-        self._program = _Program(
-            [str(files.host), "live", *map(str, names), str(files.firmware), *_optional(boot_loader)]
-        )
         try:
-            self._program.until("ready", _START_S)
-        except MegaError:
-            self._program.close()
-            self._program.close_output()
+            self._program = _Program(
+                [str(files.host), "live", *map(str, names), str(files.firmware), *_optional(boot_loader)]
+            )
+        except (MegaError, MegaUnavailableError, OSError):
             self._folder.cleanup()
             raise
         self._thread = threading.Thread(target=self._listen, name="emulated mega", daemon=True)

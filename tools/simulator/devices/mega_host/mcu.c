@@ -102,8 +102,16 @@ static void end_fault(struct patch *patch)
     patch->active = false;
 }
 
+// Bounds how long the processor sleeps in one piece.
+static avr_cycle_count_t wake(avr_t *of, avr_cycle_count_t when, void *unused)
+{
+    (void)of, (void)unused;
+    return when + FEED_EVERY_CYCLES;
+}
+
 static void on_reset(avr_t *of)
 {
+    avr_cycle_timer_register(of, FEED_EVERY_CYCLES, wake, NULL);
     end_fault(&hang);
     end_fault(&mute);
     for (int port = 0; port < PORTS; port++)
@@ -148,7 +156,6 @@ bool mcu_open(const char *firmware, const char *boot_loader)
     avr->frequency = FREQUENCY_HZ;
     avr->log = LOG_ERROR;
     avr->sleep = pass_time;
-    avr->run_cycle_limit = FEED_EVERY_CYCLES;
     memset(avr->flash, 0xFF, avr->flashend + 1u);
     if (!load(firmware) || (boot_loader && !load(boot_loader)))
         return false;
