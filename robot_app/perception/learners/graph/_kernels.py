@@ -28,7 +28,7 @@ def draw(state: U64, count: int) -> int:
     x ^= x >> np.uint64(27)
     state[0] = x
     high = (x * np.uint64(2685821657736338717)) >> np.uint64(32)
-    return int((high * np.uint64(count)) >> np.uint64(32))
+    return int((np.int64(high) * count) >> 32)  # signed: numba makes a float of signed and unsigned together
 
 
 @njit(nogil=True, cache=True)
