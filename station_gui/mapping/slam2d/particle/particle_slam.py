@@ -3,6 +3,10 @@
 Every particle is a path and the map that follows from it. Once in a while all of them move, by a proposal that is
 matched on their own map, are weighted, and resampled when their effective number is low. The scans in between are
 matched on the best particle's map, and ride on its last step.
+
+Where the robot comes back after a long way the particles do not spread over the error, and no resampling finds a path
+that none of them went. Such a loop is looked for, and closed by moving the paths as a whole (resample-move, Gilks and
+Berzuini 2001): see `closing`. Until then what is far back along the way does not count in the particles' maps.
 """
 
 from __future__ import annotations
@@ -29,6 +33,7 @@ from station_gui.mapping.slam2d.particle.config import ParticleSlamConfig
 from station_gui.mapping.slam2d.particle.proposal.proposer import Proposer
 from station_gui.mapping.slam2d.particle.resampling import effective_number, normalised, systematic
 from station_gui.mapping.slam2d.particle.stored import steps_of, to_saved
+from station_gui.mapping.slam2d.rehearsal import rehearse
 from station_gui.mapping.slam2d.se2_arrays import between, compose, compose_all
 from station_gui.mapping.snapshot import GridMap
 
@@ -39,6 +44,7 @@ class ParticleSlam:
     """See `Slam`. The same scans and the same generator give the same poses bit for bit."""
 
     def __init__(self, config: ParticleSlamConfig, rng: np.random.Generator) -> None:
+        rehearse()
         self._config = config
         self._rng = rng
         self._maps = BlockMaps(config.maps, config.particles)
@@ -198,7 +204,7 @@ class ParticleSlam:
         weights = normalised(self._log_weights)
         best_before = int(self._ends[self._best])
         wanting = effective_number(weights) < self._config.update.resample_share * len(weights)
-        if wanting or self._maps.nearly_full:
+        if wanting or self._maps.crowded:
             parents = self._resample(weights)
             matched, information = matched[parents], information[parents]
         self._best = int(np.argmax(self._log_evidence))

@@ -19,6 +19,7 @@ class BlockMapConfig:
     max_count: int = 100  # older hits of a cell fade after this many
     max_places: int = 60_000  # blocks of 16 × 16 cells that the plane has for all particles,
     max_blocks: int = 100_000  # and that memory holds: 3.3 kB each
+    own_blocks: int = 20_000  # what particles may differ in, all together, before they are resampled
 
     def __post_init__(self) -> None:
         if not 1 <= self.reach_cells <= _kernels.MAX_REACH:
@@ -68,9 +69,10 @@ class BlockMaps:
         return int(self.blocks.counts[0])
 
     @property
-    def nearly_full(self) -> bool:
-        """Fewer than an eighth of the blocks are free."""
-        return 8 * int(self.blocks.counts[1]) < len(self.blocks.free)
+    def crowded(self) -> bool:
+        """The particles' maps differ in more than was allowed, or fewer than an eighth of the blocks are free."""
+        shared = 2 * self.places_in_use  # one map, and the spare one
+        return self.blocks_in_use > min(shared + self._config.own_blocks, len(self.blocks.free) * 7 // 8)
 
     def insert(self, particle: int, scan: LineScan, pose: NDArray[np.float64], age: int = 0) -> None:
         """`pose`: (3,), the robot in the particle's map. What finds no room is left out."""

@@ -54,4 +54,4 @@ class BendConfig:
     bend_nodes: int = 8  # small corrections wait until this many nodes have come
     held_chi2: float = 12.0  # a closure that the bent path does not agree with is dropped
     draws_per_scan: int = 150  # scans of the bent map, while the particles go on
-    tail_steps: int = 30  # particles that parted from the best one longer ago go on as its copies
+    tail_steps: int = 10  # particles that parted from the best one longer ago go on as its copies

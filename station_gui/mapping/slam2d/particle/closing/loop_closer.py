@@ -39,6 +39,7 @@ class LoopCloser:
         self._bender = PathBender(config.bend, maps)
         self._waiting: list[Closure] = []  # believed, but the path has to be bent to them
         self._urgent = False
+        self._looking = False
         self._bent_nodes = 0  # when the path was bent last
 
     @property
@@ -67,9 +68,12 @@ class LoopCloser:
 
     def work(self, way: Way, ancestry: Ancestry, end: int, last: bool) -> Bent | None:
         """A bounded share of what there is to do; `end`: of the way in the ancestry; `last`: no scan comes any more."""
-        closure = self._finder.work(way)
-        if closure is not None:
-            self._judge(closure, way.node_poses())
+        self._looking = self._finder.busy and not (self._looking and self._bender.busy)  # in turns with bending
+        if self._looking:
+            closure = self._finder.work(way)
+            if closure is not None:
+                self._judge(closure, way.node_poses())
+            return None
         if self._bender.busy:
             return self._bender.work(way)
         due = self._course.nodes - self._bent_nodes >= self._config.bend.bend_nodes

@@ -95,7 +95,7 @@ def test_a_full_store_leaves_out_what_finds_no_room() -> None:
         for particle in range(3):
             maps.insert(particle, _wall(), np.array([1.0 * k, 0.1 * particle, 0.0]))
     assert maps.blocks_in_use == 20
-    assert maps.nearly_full
+    assert maps.crowded
     np.testing.assert_array_equal(maps.blocks.references, _counted(maps))
 
 
