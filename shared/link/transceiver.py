@@ -15,12 +15,19 @@ from shared.link.base import LinkError
 from shared.link.byte_port import BytePort, PortStatistics
 from shared.link.serial_port import SerialPort
 from shared.protocol import transceiver as t
-from shared.protocol.transceiver_session import Command, State, TransceiverHealth, TransceiverSession
+from shared.protocol.transceiver_session import (
+    Command,
+    State,
+    TransceiverHealth,
+    TransceiverSession,
+    describe_fault,
+)
 from shared.runtime.clock import Clock, wall_clock_ns
 
 _log = logging.getLogger(__name__)
 _READ_S = 0.01  # also how late a repetition may be
 _REOPEN_S = 0.5
+_LOG_FAULT_S = 10.0
 _JOIN_S = 3.0
 _WRITE_TIMEOUT_S = 1.0  # without room for a single byte
 _COMMAND_TIMEOUT_S = 3.0
@@ -39,6 +46,7 @@ class Transceiver:
         self._open_port: OpenPort = open_port or (lambda: SerialPort(name, t.USB_BAUD))
         self._changed = threading.Condition()  # guards the session and the order of its output
         self._session = TransceiverSession(wall_clock_ns() // 1_000)
+        self._fault_logged_s: dict[tuple[int, int], float] = {}  # at most every kind at every port
         self._stop = threading.Event()
         self._wire: BytePort | None = self._open_port()
         self.radios = tuple(RadioPort(self, radio) for radio in range(t.RADIOS))
@@ -175,6 +183,7 @@ class Transceiver:
                 self._session.tick(self._clock.now_s())
             self._say()
             self._log_change(before)
+            self._log_faults()
             if data or self._session.state is not before:
                 self._changed.notify_all()
 
@@ -201,11 +210,19 @@ class Transceiver:
             with contextlib.suppress(LinkError):
                 wire.close()
 
+    def _log_faults(self) -> None:
+        """Each kind at each port when it begins, and every ten seconds while it goes on."""
+        now_s = self._clock.now_s()
+        while self._session.faults:
+            report = self._session.faults.popleft()
+            kind = report.fault, report.port
+            if now_s - self._fault_logged_s.get(kind, -_LOG_FAULT_S) < _LOG_FAULT_S:
+                continue
+            self._fault_logged_s[kind] = now_s
+            _log.warning("%s: %s: %d so far", self.name, describe_fault(report), report.total)
+
     def _log_change(self, before: State) -> None:
         now = self._session.state
-        while self._session.faults:
-            fault = self._session.faults.popleft()
-            _log.warning("%s: fault %d on port %d: %d so far", self.name, fault.fault, fault.port, fault.total)
         if now is before:
             return
         if now is State.OPEN:

@@ -84,13 +84,15 @@ class TransceiverSession:
 
     def write(self, radio: int, data: bytes) -> int:
         """Take what there is room for; how many bytes that is."""
-        return self._to[radio].write(data)
+        return self._to[radio].write(data[: self.room(radio)])
 
     def read(self, radio: int) -> bytes:
         return self._from[radio].read()
 
     def room(self, radio: int) -> int:
-        return self._to[radio].room
+        """Bytes that `write` would take; none while the rate changes, which separates old bytes from new."""
+        changes = any(isinstance(c.frame, t.SetBaud) and c.frame.radio == radio for c in self._commands)
+        return 0 if changes else self._to[radio].room
 
     def has_arrived(self, radio: int) -> bool:
         return not self._from[radio].is_empty
@@ -244,7 +246,7 @@ class TransceiverSession:
                 self.health.board = frame
             case t.RadioHealth() if frame.radio < t.RADIOS:
                 self.health.radios[frame.radio] = frame
-            case t.FaultReport():
+            case t.FaultReport() if frame.fault < len(t.Fault) and frame.port < len(t.Port):
                 self.faults.append(frame)
             case _:
                 pass
@@ -286,6 +288,21 @@ class TransceiverSession:
             return  # what was written before goes out at the old rate
         self._commanded_s = now_s
         self._send(frame)
+
+
+_FAULTS = {
+    t.Fault.FRAMING: "bytes without a stop bit",
+    t.Fault.OVERRUN: "bytes lost in the chip",
+    t.Fault.RING_FULL: "bytes lost by a busy firmware",
+    t.Fault.STREAM_FULL: "bytes lost because this program did not fetch them",
+    t.Fault.BAD_FRAME: "damaged frames",
+}
+
+
+def describe_fault(report: t.FaultReport) -> str:
+    """What went wrong and where, in words."""
+    fault = _FAULTS[t.Fault(report.fault)]
+    return f"{fault} at {t.Port(report.port).name}"
 
 
 _CAUSES = {

@@ -48,6 +48,11 @@ class EchoMega:
             self._output.clear()
             return data
 
+    def say(self, frame: t.Frame) -> None:
+        with self._changed:
+            self._output += encode(frame)
+            self._changed.notify_all()
+
     def unplug(self) -> None:
         with self._changed:
             self.is_gone = True
@@ -164,6 +169,20 @@ def test_no_port_is_an_error_at_once() -> None:
     empty.mega = None
     with pytest.raises(LinkError, match="no such port"):
         Transceiver("the test", MonotonicClock(), PATIENCE_S, empty.open)
+
+
+def test_a_fault_that_goes_on_is_logged_once(
+    transceiver: Transceiver, socket: Socket, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert socket.mega is not None
+    for total in range(1, 20):
+        socket.mega.say(t.FaultReport(t.Fault.FRAMING, t.Port.RADIO_B, total))
+    socket.mega.say(t.FaultReport(99, 99, 1))
+    transceiver.radios[0].write(b"echo")
+    assert transceiver.radios[0].read(PATIENCE_S) == b"echo"
+    assert [r.getMessage() for r in caplog.records if r.levelname == "WARNING"] == [
+        "the test: bytes without a stop bit at RADIO_B: 1 so far"
+    ]
 
 
 def test_closing_wakes_who_reads(transceiver: Transceiver) -> None:

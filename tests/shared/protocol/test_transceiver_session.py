@@ -126,6 +126,16 @@ def test_a_change_of_rate_waits_for_the_bytes_before_it(talk: Talk) -> None:
     assert command.frame in talk.say(t.Acknowledge(0, 8, 104))
 
 
+def test_nothing_is_taken_at_the_new_rate_before_it_holds(talk: Talk) -> None:
+    talk.open()
+    command = talk.session.set_baud(0, 9_600)
+    assert talk.session.write(0, b"too early") == 0
+    assert talk.session.write(1, b"the other") == 9
+    talk.wait(0.01)
+    talk.say(t.Done(command.frame.tag, 0))
+    assert talk.session.write(0, b"now") == 3
+
+
 def test_commands_while_it_is_away_are_lost_at_once(talk: Talk) -> None:
     assert talk.session.set_baud(0, 9_600).lost
     assert talk.session.set_baud(0, 9_600).finished
