@@ -271,7 +271,9 @@ def test_two_pairs_on_one_channel_are_named() -> None:
         (("copy", "/dev/tty0", "/dev/tty1", "/dev/tty2"), "to one port (the partner) or to three"),
         (("check", "/dev/tty0"), "check two modules or four, not 1"),
         (("range-test", "/dev/tty0", "/dev/tty1", "--sf", "7,13"), "write spreading factors from 7 to 12"),
-        (("range-test", "/dev/tty0", "/dev/tty1", "--payload", "3"), "--payload is 7 to 50"),
+        (("range-test", "/dev/tty0", "/dev/tty1", "--payload", "3"), "--payload is 10 to 50"),
+        (("range-test", "/dev/tty0", "/dev/tty1", "/dev/tty2"), "give one port, with `radio-config echo`"),
+        (("range-test", "/dev/tty0", "--sf", "7,8"), "both ends must have the same spreading factor"),
         (("copy", "/dev/tty0", "/dev/tty1"), "set them to two different modules first"),
     ],
 )
@@ -299,7 +301,7 @@ def test_ports_are_opened_by_the_operating_systems_name(monkeypatch: pytest.Monk
 def test_it_explains_itself_and_every_command_of_it() -> None:
     whole = Bench().run("--help")
     assert whole.returncode == 0
-    for command in ("list", "show", "set", "save", "load", "copy", "check", "range-test", "airtime"):
+    for command in ("list", "show", "set", "save", "load", "copy", "check", "range-test", "echo", "airtime"):
         assert command in whole.stdout
         done = Bench().run(command, "--help")
         assert done.returncode == 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 import threading
@@ -32,7 +33,7 @@ class Desk:
         channel = RadioChannel(timeline, np.random.default_rng(1))
         self.modules = [
             EmulatedEs920lr(timeline, channel, "robot", operating(ROBOT)),
-            EmulatedEs920lr(timeline, channel, "station", RadioSettings(baud_rate=9_600), (10.0, 0.0)),
+            EmulatedEs920lr(timeline, channel, "station", RadioSettings(), (10.0, 0.0)),
         ]
         self.radios = PtyRadios(clock, timeline, self.modules)
         self.ports = self.radios.paths
@@ -70,7 +71,7 @@ def test_a_module_is_copied_to_its_partner(desk: Desk) -> None:
     assert json.loads(done.stdout)["copied"][0]["changed"]["own_id"] == {"from": "1", "to": "2"}
     assert desk.modules[0].state is State.OPERATION
     held = desk.modules[1].flash
-    assert (held.own_id, held.destination_id, held.bandwidth_hz, held.baud_rate) == (2, 1, 500_000, 9_600)
+    assert (held.own_id, held.destination_id, held.bandwidth_hz, held.baud_rate) == (2, 1, 500_000, 115_200)
     assert STATION.pan_id == held.pan_id
 
 
@@ -84,3 +85,24 @@ def test_a_plug_that_is_pulled_is_told_in_one_line(desk: Desk) -> None:
     assert len(done.stderr.splitlines()) == 1
     assert f"{desk.ports[1]}: lost" in done.stderr
     assert "Is the cable still plugged in?" in done.stderr
+
+
+def test_the_far_end_answers_the_range_test_until_ctrl_c(desk: Desk) -> None:
+    air = ("--sf", "7", "--bandwidth-hz", "500000")
+    desk.radios.do(lambda: setattr(desk.modules[0], "flash", RadioSettings()))
+    desk.radios.do(desk.modules[0].reset)
+    command = [sys.executable, "-m", "tools.radio_config", "echo", desk.ports[1], *air]
+    with subprocess.Popen(command, cwd=ROOT, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as far:
+        assert far.stderr is not None
+        assert "answers test packets, SF7 at 500 kHz, channel 1" in far.stderr.readline()
+        done = desk.run("range-test", desk.ports[0], *air, "--count", "5", "--json")
+        far.send_signal(signal.SIGINT)
+        answered, said = far.communicate(timeout=30.0)
+    assert done.returncode == 0, done.stderr
+    there, back = json.loads(done.stdout)["results"]
+    assert (there["sent"], there["received"], back["received"]) == (5, 5, 5)
+    assert there["median_dbm"] == back["median_dbm"] == -46
+    assert "until you switch its power off and on" in done.stderr
+    assert answered.splitlines() == [f"packet {number}: -46 dBm" for number in range(5)]
+    assert far.returncode == 130
+    assert said.endswith("radio-config: interrupted\n")

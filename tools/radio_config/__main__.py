@@ -7,7 +7,7 @@ import sys
 
 from shared.command_line import Parser, run, set_up_logging
 from shared.link.es920lr.settings import BAUD_RATES, FACTORY_BAUD_RATE
-from tools.radio_config import commands
+from tools.radio_config import commands, range_commands
 from tools.radio_config.changes import RULES, profile_names
 
 _EPILOG = """\
@@ -61,13 +61,15 @@ def _parser() -> argparse.ArgumentParser:
     _add_ports(check, "ports", "+")
     _add_band(check)
 
-    reach = _add(sub, "range-test", commands.range_test, "measure strength and loss at each spreading factor")
-    _add_ports(reach, "ports", 2)
-    reach.add_argument("--sf", default="7,8,9,10,11,12", help="spreading factors (default: all, 7,8,9,10,11,12)")
-    reach.add_argument("--bandwidth-hz", type=int, help="instead of the first module's")
+    reach = _add(sub, "range-test", range_commands.range_test, "measure strength and loss at each spreading factor")
+    _add_ports(reach, "ports", "+")
+    _add_test(reach)
     reach.add_argument("--count", type=int, default=20, help="packets each way (default: 20)")
-    reach.add_argument("--payload", type=int, default=20, help="bytes of a packet (default: 20)")
-    reach.add_argument("--carrier-sense", choices=RULES, default="long", help="rule of the band (default: long)")
+
+    far = _add(sub, "echo", range_commands.echo_command, "be the far end of a range test: answer its packets")
+    _add_ports(far, "port", None)
+    _add_test(far)
+    far.add_argument("--seconds", type=float, metavar="S", help="end by itself after this time (default: at Ctrl-C)")
 
     air = _add(sub, "airtime", commands.airtime, "estimate airtime, packets a second and goodput; needs no module")
     air.add_argument("assignments", metavar="KEY=VALUE", nargs="*", help="as `show` names them")
@@ -98,6 +100,13 @@ def _add_ports(parser: argparse.ArgumentParser, name: str, count: int | str | No
         metavar="S",
         help="how long to wait for you to switch a module's power off and on (default: 30)",
     )
+
+
+def _add_test(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--sf", help="spreading factors (default: 7,8,9,10,11,12; with an echo the module's own)")
+    parser.add_argument("--bandwidth-hz", type=int, help="instead of the first module's")
+    parser.add_argument("--payload", type=int, default=20, help="bytes of a packet (default: 20)")
+    parser.add_argument("--carrier-sense", choices=RULES, default="long", help="rule of the band (default: long)")
 
 
 def _add_profile(parser: argparse.ArgumentParser) -> None:

@@ -14,7 +14,7 @@ from shared.link.es920lr.band import BandRule
 from shared.link.es920lr.settings import RadioSettings, differences
 from shared.runtime.clock import MonotonicClock
 from tools.radio_config import changes, plan
-from tools.radio_config.measure import Direction, Estimate, estimate, measure
+from tools.radio_config.measure import Estimate, estimate
 from tools.radio_config.session import Bench, Module, list_serial_ports, say
 
 Work = Callable[[argparse.Namespace], int]
@@ -34,7 +34,7 @@ def list_ports(args: argparse.Namespace) -> int:
 
 
 def show(args: argparse.Namespace) -> int:
-    with _bench(args) as bench, bench.module(args.port) as module:
+    with open_bench(args) as bench, bench.module(args.port) as module:
         values = plan.listed(module.settings)
         other = dict(module.shown.other)
         lines = [f"{name} = {value}" for name, value in values.items()]
@@ -50,7 +50,7 @@ def set_values(args: argparse.Namespace) -> int:
     if not asked:
         raise Refused("nothing to set; give KEY=VALUE or --profile")
     changes.require_possible(asked, rule, payload_bytes)
-    with _bench(args) as bench, bench.module(args.port) as module:
+    with open_bench(args) as bench, bench.module(args.port) as module:
         wanted = changes.changed(module.settings, asked)
         changes.require_allowed(wanted, rule, payload_bytes)
         _print(args, _report(args, module, wanted), _write(args, module, wanted))
@@ -58,14 +58,14 @@ def set_values(args: argparse.Namespace) -> int:
 
 
 def save(args: argparse.Namespace) -> int:
-    with _bench(args) as bench, bench.module(args.port) as module:
+    with open_bench(args) as bench, bench.module(args.port) as module:
         module.save()
     _print(args, {"port": args.port, "saved": True}, [f"{args.port}: saved"])
     return EXIT_OK
 
 
 def load(args: argparse.Namespace) -> int:
-    with _bench(args) as bench, bench.module(args.port) as module:
+    with open_bench(args) as bench, bench.module(args.port) as module:
         module.load_defaults()
         if args.save:
             module.save()
@@ -78,10 +78,10 @@ def copy(args: argparse.Namespace) -> int:
         raise Refused(
             f"copy to one port (the partner) or to three (the partner and the second pair), not {len(args.others)}"
         )
-    names = _different([args.source, *args.others])
+    names = different([args.source, *args.others])
     _, rule, payload_bytes = _band(args)
     lines: list[str] = []
-    with _bench(args) as bench:
+    with open_bench(args) as bench:
         with bench.module(args.source) as source:
             wanted = _targets(source.settings, len(args.others), args.second_channel)
             changes.require_allowed(source.settings, rule, payload_bytes)
@@ -103,83 +103,18 @@ def _targets(source: RadioSettings, count: int, second_channel: int | None) -> l
 
 
 def check(args: argparse.Namespace) -> int:
-    names = _different(args.ports)
+    names = different(args.ports)
     if len(names) not in {2, 4}:
         raise Refused(f"check two modules or four, not {len(names)}")
     _, rule, payload_bytes = _band(args)
     found: dict[str, RadioSettings] = {}
-    with _bench(args) as bench:
+    with open_bench(args) as bench:
         for name in names:
             with bench.module(name) as module:
                 found[name] = module.settings
     wrong = plan.disagreements(found, rule, payload_bytes)
     _print(args, {"agree": not wrong, "problems": wrong}, wrong or [f"the {len(names)} modules agree"])
     return EXIT_FAILED if wrong else EXIT_OK
-
-
-def range_test(args: argparse.Namespace) -> int:
-    names = _different(args.ports)
-    factors = _spreading_factors(args.sf)
-    if not 7 <= args.payload <= MAX_PAYLOAD_BYTES or args.count < 1:
-        raise Refused(f"--payload is 7 to {MAX_PAYLOAD_BYTES}, --count 1 or more")
-    results: list[dict[str, Any]] = []
-    if not args.json:
-        print(f"{'SF':>2}  {'direction':32} {'sent':>4} {'came':>4} {'loss':>5}  RSSI dBm: weakest, median, strongest")
-    with _bench(args) as bench, bench.module(names[0]) as first, bench.module(names[1]) as second:
-        before = [first.settings, second.settings]
-        tests = [_range_settings(before, factor, args) for factor in factors]  # refused before anything is sent
-        for factor, wanted in zip(factors, tests, strict=True):
-            for direction in _range_at([first, second], wanted, args):
-                results.append({"spreading_factor": factor, "loss": direction.loss, **dataclasses.asdict(direction)})
-                if not args.json:
-                    print(_range_line(factor, direction), flush=True)
-        for module, settings in zip((first, second), before, strict=True):
-            module.set(settings)
-            module.save()
-    if args.json:
-        print(json.dumps({"payload_bytes": args.payload, "results": results}))
-    return EXIT_OK
-
-
-def _range_settings(before: list[RadioSettings], factor: int, args: argparse.Namespace) -> list[RadioSettings]:
-    """Those of both modules for one spreading factor; each keeps its baud rate."""
-    base = changes.changed(
-        dataclasses.replace(before[0], **changes.FOR_RANGE_TEST),
-        {
-            "spreading_factor": factor,
-            "bandwidth_hz": args.bandwidth_hz or before[0].bandwidth_hz,
-            "own_id": 1,
-            "destination_id": 2,
-        },
-    )
-    changes.require_allowed(base, changes.RULES[args.carrier_sense], args.payload)
-    return [base, dataclasses.replace(plan.partner_of(base), baud_rate=before[1].baud_rate)]
-
-
-def _range_at(modules: list[Module], wanted: list[RadioSettings], args: argparse.Namespace) -> list[Direction]:
-    """Both directions at one spreading factor. Raises `LinkError`."""
-    clock = MonotonicClock()
-    there, back = (module.operate(settings) for module, settings in zip(modules, wanted, strict=True))
-    for radio in (there, back):
-        radio.wait_until_operating(5.0)
-    found = [measure(*ends, args.count, args.payload, clock) for ends in ((there, back), (back, there))]
-    for module in modules:
-        module.configure_again()
-    return found
-
-
-def _range_line(factor: int, d: Direction) -> str:
-    strength = "nothing came" if d.median_dbm is None else f"{d.weakest_dbm}, {d.median_dbm:g}, {d.strongest_dbm}"
-    refused = f", refused {d.refused}" if d.refused else ""
-    ends = f"{d.sender} > {d.receiver}"
-    return f"{factor:>2}  {ends:32} {d.sent:>4} {d.received:>4} {d.loss:>5.0%}  {strength}{refused}"
-
-
-def _spreading_factors(text: str) -> list[int]:
-    factors = [int(part) for part in text.split(",") if part.strip().isdecimal()]
-    if not factors or len(factors) != len(text.split(",")) or not all(7 <= f <= 12 for f in factors):
-        raise Refused(f"--sf {text}: write spreading factors from 7 to 12 with commas, for example 7,9,12")
-    return factors
 
 
 def airtime(args: argparse.Namespace) -> int:
@@ -255,11 +190,12 @@ def _write(args: argparse.Namespace, module: Module, wanted: RadioSettings) -> l
     return lines
 
 
-def _bench(args: argparse.Namespace) -> Bench:
+def open_bench(args: argparse.Namespace) -> Bench:
     return Bench(MonotonicClock(), args.baud, args.wait)
 
 
-def _different(names: list[str]) -> list[str]:
+def different(names: list[str]) -> list[str]:
+    """Raises `Refused` when a port is given twice."""
     if len(set(names)) < len(names):
         raise Refused("the same port is given twice")
     return names

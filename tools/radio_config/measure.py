@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import statistics
+import struct
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from shared.link.es920lr.airtime import (
@@ -20,8 +22,12 @@ from shared.link.es920lr.parser import Heard
 from shared.link.es920lr.settings import RadioSettings
 from shared.runtime.clock import Clock
 
-_MARK = b"range"
+_TEST = struct.Struct(">4sH")  # mark, number
+_ECHO = struct.Struct(">4sHhH")  # mark, number, its strength in dBm, packets heard so far
+_MARK, _ECHO_MARK = b"test", b"echo"
+SHORTEST_PAYLOAD_BYTES = _ECHO.size
 _PATIENCE_S = 2.0  # besides the time that a packet takes
+_ANSWER_AFTER_S = 0.1  # who has sent hears nothing for 50 ms
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +80,7 @@ class Direction:
     receiver: str
     sent: int
     received: int
-    refused: int  # the channel was busy, or the module said no
+    refused: int  # at its sender: the channel was busy, or the module said no
     weakest_dbm: int | None
     median_dbm: float | None
     strongest_dbm: int | None
@@ -86,18 +92,69 @@ class Direction:
 
 def measure(sender: Es920lr, receiver: Es920lr, count: int, payload_bytes: int, clock: Clock) -> Direction:
     """Send `count` packets one way. Raises `LinkError`."""
-    sent, refused, strengths = 0, 0, []
+    sent, refused = 0, 0
+    strengths: list[int] = []
     for number in range(count):
-        payload = (_MARK + number.to_bytes(2, "big")).ljust(payload_bytes, b".")
-        fate = _fate(sender, payload, clock)
-        sent += isinstance(fate, Sent)
-        refused += not isinstance(fate, Sent)
-        strengths += _strengths(receiver, payload)
+        payload = _test_packet(number, payload_bytes)
+        is_out = _send(sender, payload, clock)
+        sent += is_out
+        refused += not is_out
+        # It has come before its sender was told that it is out; a moment is for the serial line.
+        strengths += [e.rssi_dbm for e in _heard(receiver, 0.05, clock) if e.payload == payload]
+    return _direction(sender.name, receiver.name, sent, len(strengths), refused, strengths)
+
+
+def measure_far(near: Es920lr, far_name: str, count: int, payload_bytes: int, clock: Clock) -> list[Direction]:
+    """There and back, with `echo` running at the far end. Raises `LinkError`.
+
+    What has arrived there is known from the echoes: packets after the last echo that came back count as lost.
+    """
+    sent, refused, arrived = 0, 0, 0
+    there: list[int] = []
+    back: list[int] = []
+    for number in range(count):
+        is_out = _send(near, _test_packet(number, payload_bytes), clock)
+        sent += is_out
+        refused += not is_out
+        wait_s = _ANSWER_AFTER_S + airtime_s(near.settings.modulation, payload_bytes) + 0.2
+        for event in _heard(near, wait_s, clock, enough=_ECHO_MARK + number.to_bytes(2, "big")):
+            if event.payload.startswith(_ECHO_MARK) and len(event.payload) >= _ECHO.size:
+                _, _, strength_dbm, arrived = _ECHO.unpack_from(event.payload)
+                there.append(strength_dbm)
+                back.append(event.rssi_dbm)
+        _heard(near, _ANSWER_AFTER_S, clock)  # the far end is in its pause now
+    return [
+        _direction(near.name, far_name, sent, arrived, refused, there),
+        _direction(far_name, near.name, arrived, len(back), 0, back),
+    ]
+
+
+def echo(radio: Es920lr, clock: Clock, until_s: float, tell: Callable[[int, int], None]) -> int:
+    """Answer every test packet with its strength until then; `tell` gets number and strength. Returns how many."""
+    heard = 0
+    while clock.now_s() < until_s:
+        for event in radio.poll(min(0.5, until_s - clock.now_s())):
+            if not isinstance(event, Heard) or len(event.payload) < _ECHO.size or event.payload[:4] != _MARK:
+                continue
+            _, number = _TEST.unpack_from(event.payload)
+            heard = 1 if number == 0 else heard + 1  # a test begins anew
+            tell(number, event.rssi_dbm)
+            _heard(radio, _ANSWER_AFTER_S, clock)
+            answer = _ECHO.pack(_ECHO_MARK, number, event.rssi_dbm, heard)
+            _send(radio, answer.ljust(len(event.payload), b"."), clock)
+    return heard
+
+
+def _test_packet(number: int, payload_bytes: int) -> bytes:
+    return _TEST.pack(_MARK, number).ljust(payload_bytes, b".")
+
+
+def _direction(sender: str, receiver: str, sent: int, received: int, refused: int, strengths: list[int]) -> Direction:
     return Direction(
-        sender.name,
-        receiver.name,
+        sender,
+        receiver,
         sent,
-        len(strengths),
+        received,
         refused,
         min(strengths, default=None),
         statistics.median(strengths) if strengths else None,
@@ -105,21 +162,23 @@ def measure(sender: Es920lr, receiver: Es920lr, count: int, payload_bytes: int, 
     )
 
 
-def _fate(sender: Es920lr, payload: bytes, clock: Clock) -> Sent | SendFailed | None:
+def _send(sender: Es920lr, payload: bytes, clock: Clock) -> bool:
+    """Whether it went out."""
     until_s = clock.now_s() + _PATIENCE_S + 2 * airtime_s(sender.settings.modulation, len(payload))
     handle = sender.submit(payload)
     while handle is not None and clock.now_s() < until_s:
         for event in sender.poll(until_s - clock.now_s()):
             if isinstance(event, Sent | SendFailed) and event.handle == handle:
-                return event
-    return None
+                return isinstance(event, Sent)
+    return False
 
 
-def _strengths(receiver: Es920lr, payload: bytes) -> list[int]:
-    """The packet has come before its sender was told that it is out; a moment is for the serial line."""
-    found: list[int] = []
-    events = receiver.poll(0.05)
-    while events:
-        found += [e.rssi_dbm for e in events if isinstance(e, Heard) and e.payload == payload]
-        events = receiver.poll(0.0)
+def _heard(radio: Es920lr, wait_s: float, clock: Clock, enough: bytes | None = None) -> list[Heard]:
+    """What comes within a stretch of time, which ends early with a packet that begins with `enough`."""
+    until_s = clock.now_s() + wait_s
+    found: list[Heard] = []
+    while (left_s := until_s - clock.now_s()) > 0:
+        found += [event for event in radio.poll(left_s) if isinstance(event, Heard)]
+        if enough is not None and any(e.payload.startswith(enough) for e in found):
+            break
     return found

@@ -54,12 +54,22 @@ def list_serial_ports() -> list[PortInfo]:
 class Module:
     """In configuration from its opening to `close`, which leaves it doing what it did before."""
 
-    def __init__(self, port: BytePort, clock: Clock, baud_rate: int, reset: Callable[[], None], boot_s: float) -> None:
+    def __init__(
+        self,
+        port: BytePort,
+        clock: Clock,
+        baud_rate: int,
+        reset: Callable[[], None],
+        patience_s: float | None,
+    ) -> None:
+        """`patience_s`: how long the user may take who is asked by `reset`; None when it is the pin itself."""
         self.port = port
         self._clock = clock
         self._reset = reset
-        self._boot_s = boot_s
-        found = self._run(enter_configuration(baud_rate, boot_s))
+        self._has_pin = patience_s is None
+        self._boot_s = BOOT_S if patience_s is None else patience_s
+        self._operates = False
+        found = self._run(enter_configuration(baud_rate, self._boot_s))
         self._was_operating = found.mode in {Mode.BINARY, Mode.ASCII}
         self.version = self._run(version())
         self.shown = self._run(read_settings())
@@ -101,12 +111,17 @@ class Module:
     def configure_again(self) -> None:
         """After `operate`: reset it once more. Its flash memory then holds what it operated with."""
         self._run(enter_configuration(self.settings.baud_rate, self._boot_s))
+        self._operates = False
         self.shown = self._run(read_settings())
 
     def close(self) -> None:
         """A module that was operating goes on, with what is set now."""
         try:
-            if self._was_operating:
+            if self._operates and self._has_pin:
+                self._reset()  # what is saved holds again
+            elif self._operates:
+                say(f"{self.name}: holds the settings of the test until you switch its power off and on")
+            elif self._was_operating:
                 self._run(start())
         finally:
             self.port.close()
@@ -115,6 +130,7 @@ class Module:
         """Start it with other settings, in memory; the driver has the port from now on."""
         self.set(settings)
         self._run(start())
+        self._operates = True
         return Es920lr(self.port, settings, self._clock)
 
     def _run(self, procedure: Procedure[T]) -> T:
@@ -125,7 +141,7 @@ class Bench:
     """Opens ports by their names: `/dev/ttyUSB0`, or `/dev/ttyACM0:A` and `:B` for the radios of a transceiver."""
 
     def __init__(self, clock: Clock, baud_rate: int, patience_s: float) -> None:
-        self._clock = clock
+        self.clock = clock
         self._baud_rate = baud_rate
         self._patience_s = patience_s
         self._transceivers: dict[str, Transceiver] = {}
@@ -153,15 +169,15 @@ class Bench:
         port = SerialPort(name, self._baud_rate)
         with contextlib.ExitStack() as guard:
             guard.callback(port.close)
-            module = Module(port, self._clock, self._baud_rate, lambda: self._ask_user(name), self._patience_s)
+            module = Module(port, self.clock, self._baud_rate, lambda: self._ask_user(name), self._patience_s)
             guard.pop_all()
         return module
 
     def _behind_transceiver(self, path: str, radio: int) -> Module:
         if path not in self._transceivers:
-            self._transceivers[path] = Transceiver(path, self._clock)
+            self._transceivers[path] = Transceiver(path, self.clock)
         port = self._transceivers[path].radios[radio]
-        return Module(port, self._clock, self._baud_rate, port.reset, BOOT_S)
+        return Module(port, self.clock, self._baud_rate, port.reset, None)
 
     def _ask_user(self, name: str) -> None:
         say(f"{name}: the module is operating. Switch its power off and on now (waiting {self._patience_s:g} s) ...")
