@@ -133,7 +133,7 @@ def _lab(figures: Figures) -> Iterator[tuple[str, ...]]:
         mean, worst = f["mean"], f["worst"]
         done = "all finished" if f["finished"] else "not all finished"
         columns = (
-            f"{mean[key]:.4f}, {worst[key]:.4f}" if key in mean else ""
+            f"{mean[key]:.3g}, {worst[key]:.3g}" if key in mean else ""
             for key in ("pose_rmse_m", "map_rmse_m", "map_completeness", "collisions", "goal_error_m")
         )
         yield (method, f"{len(f['seeds'])}, {done}", *columns, f"{100 * mean['encoder_slip_mean_abs']:.0f} %")
