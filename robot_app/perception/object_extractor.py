@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from robot_app.drivers.base import DepthImage
 from robot_app.perception.config import PerceptionConfig
-from robot_app.perception.learner import Network
+from robot_app.perception.learner import Learner, Network
 from robot_app.perception.point_cloud import EdgeCloud, Mount
 from robot_app.perception.refine import Refiner
 from robot_app.perception.simplified_fast_gng import SimplifiedFastGng
@@ -18,15 +18,22 @@ from shared.messages import ObjectNetwork
 class ObjectExtractor:
     """Takes one depth image after the other; its memory is allocated here, once. Not for two threads at a time.
 
-    Equal extractors (same configuration, camera and state of `rng`) give equal networks for equal images.
+    Equal extractors (same configuration, camera and state of `rng`) give equal networks for equal images. `learner`:
+    another than simplified FastGNG, to compare it.
     """
 
     def __init__(
-        self, config: PerceptionConfig, intrinsics: Intrinsics, mount: Mount, rng: np.random.Generator
+        self,
+        config: PerceptionConfig,
+        intrinsics: Intrinsics,
+        mount: Mount,
+        rng: np.random.Generator,
+        learner: Learner | None = None,
     ) -> None:
         self._shape = (intrinsics.height, intrinsics.width)
         self._robot_from_optical = mount.robot_from_optical().astype(np.float32)
-        self._learner = SimplifiedFastGng(config.learning, config.refine, config.edges.max_samples)
+        self._learner = learner or SimplifiedFastGng(config.learning, config.refine, config.edges.max_samples)
+        self._knows_curves = learner is None
         self.cloud = EdgeCloud(config.edges, intrinsics, mount, rng)
         self.network = Network(config.learning.max_nodes)
         self._refiner = Refiner(config.refine, config.learning.max_nodes)
@@ -45,6 +52,8 @@ class ObjectExtractor:
     def learn(self) -> None:
         """Steps 2-7."""
         self._learner.learn(self.cloud, self.network)
+        if not self._knows_curves:
+            self._refiner.find_curves(self.network, self.cloud)
 
     def refine(self) -> None:
         """Sections 3.2.1-3.2.5."""

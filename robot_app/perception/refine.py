@@ -22,6 +22,12 @@ class Refiner:
         self._angle = np.zeros(max_nodes, np.float32)
         self._ends = np.zeros(max_nodes, np.int32)
 
+    def find_curves(self, network: Network, cloud: EdgeCloud) -> None:
+        """For what a learner made that does not ask for curves: nodes belong to the curve of the nearest sample."""
+        kernels.find_curves(
+            cloud.sample_m, cloud.sample_curve, cloud.samples, network.node_m, network.nodes, network.node_curve
+        )
+
     def refine(self, network: Network, cloud: EdgeCloud) -> None:
         """Work on `network`, which was learned from `cloud`."""
         kernels.list_neighbours(network.linked, network.nodes, self._beside, self._degree)

@@ -19,6 +19,9 @@ from numpy.typing import NDArray
 
 from robot_app.drivers.base import DepthImage
 from robot_app.perception.config import PerceptionConfig
+from robot_app.perception.fast_gng import FastGng, FastGngConfig
+from robot_app.perception.growing_neural_gas import GngConfig, GrowingNeuralGas
+from robot_app.perception.learner import Learner
 from robot_app.perception.object_extractor import ObjectExtractor, clusters
 from robot_app.perception.point_cloud import Mount
 from shared.geometry.camera import CameraMount, Intrinsics
@@ -76,6 +79,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="search",
         help="where the floor is: search it in each image, as the robot's camera has it, or nowhere",
     )
+    parser.add_argument(
+        "--learner",
+        choices=("simplified", "fast", "standard"),
+        default="simplified",
+        help="simplified FastGNG, FastGNG or standard GNG (default simplified)",
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument(
         "--picture", type=Path, metavar="DIR", help="draw each network over its image and in 3D from two sides"
@@ -114,7 +123,7 @@ def _evaluate(path: Path, args: argparse.Namespace) -> Row:
     intrinsics = intrinsics_of(path, file.image, args.intrinsics or file.lens_px)
     mount = mount_of(args.mount, file.image, intrinsics)
     try:
-        extractor = ObjectExtractor(PerceptionConfig(), intrinsics, mount, np.random.default_rng(1))
+        extractor = extractor_with(args.learner, intrinsics, mount)
     except ValueError as error:
         raise DepthFileError(f"{path}: {error}") from error
     objects = extractor.extract(file.image)
@@ -122,7 +131,18 @@ def _evaluate(path: Path, args: argparse.Namespace) -> Row:
         args.picture.mkdir(parents=True, exist_ok=True)
         draw(file.image, objects, intrinsics, mount).save(args.picture / f"{path.name}.png")
     labels = None if file.labels is None else _compare(file.image, file.labels, objects, intrinsics, mount)
-    return _measure(path.name, extractor, file.image, objects, intrinsics, labels)
+    return measure(path.name, extractor, file.image, objects, intrinsics, labels)
+
+
+def extractor_with(name: str, intrinsics: Intrinsics, mount: Mount) -> ObjectExtractor:
+    """An extractor as the robot has it, but with the learner of this name. Raises ValueError for a tiny image."""
+    config, rng = PerceptionConfig(), np.random.default_rng(1)
+    learner: Learner | None = None
+    if name == "fast":
+        learner = FastGng(config.learning, FastGngConfig(), np.random.default_rng(1))
+    elif name == "standard":
+        learner = GrowingNeuralGas(GngConfig(), np.random.default_rng(1))
+    return ObjectExtractor(config, intrinsics, mount, rng, learner)
 
 
 def _compare(
@@ -149,14 +169,15 @@ def mount_of(choice: str, image: DepthImage, intrinsics: Intrinsics) -> Mount:
     return nowhere if choice == "none" else find_floor(image, intrinsics) or nowhere
 
 
-def _measure(
+def measure(
     name: str,
     extractor: ObjectExtractor,
     image: DepthImage,
     objects: ObjectNetwork,
     intrinsics: Intrinsics,
-    labels: LabelFigures | None,
+    labels: LabelFigures | None = None,
 ) -> Row:
+    """The figures of `image`, of which `extractor` made `objects`."""
     lengths_m = np.linalg.norm(np.diff(objects.nodes_m[objects.edges], axis=1)[:, 0], axis=1)
     extractor.find_edges(image)
     columns, rows = intrinsics.ray_slopes()

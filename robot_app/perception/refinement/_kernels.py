@@ -64,6 +64,17 @@ def is_ground(
 
 
 @njit(nogil=True, cache=True)
+def find_curves(sample_m: F32, sample_curve: I32, samples: int, node_m: F32, nodes: int, node_curve: I32) -> None:
+    """`node_curve`: that of the sample nearest to each node."""
+    for a in range(nodes):
+        best_m = math.inf
+        for i in range(samples):
+            gap_m = separation(sample_m, i, node_m, a)
+            if gap_m < best_m:
+                best_m, node_curve[a] = gap_m, sample_curve[i]
+
+
+@njit(nogil=True, cache=True)
 def list_neighbours(linked: U8, nodes: int, beside: I32, degree: I32) -> None:
     """Fill `beside` and `degree` from `linked`."""
     for a in range(nodes):

@@ -207,6 +207,16 @@ def test_the_figures_of_a_box_are_printed_and_its_picture_is_drawn(
         assert picture.size == (3 * 640 + 8, 480)
 
 
+@pytest.mark.parametrize("learner", ["fast", "standard"])
+def test_the_other_learners_outline_a_box_too(tmp_path: Path, capsys: pytest.CaptureFixture[str], learner: str) -> None:
+    path = tmp_path / "box.png"
+    Image.fromarray((box_depth_m() * 1000).astype(np.uint16)).save(path)
+    assert extraction.run(parse(str(path), "--mount", "none", "--json", "--learner", learner)) == 0
+    box = json.loads(capsys.readouterr().out)["files"][0]
+    assert 4 <= box["nodes"] <= 60
+    assert box["connections"] >= 3
+
+
 @pytest.mark.parametrize("text", ["1,2,3", "a,b,c,d", "1,2,3,-4"])
 def test_intrinsics_that_are_not_four_positive_numbers_are_refused(text: str) -> None:
     with pytest.raises(SystemExit):
