@@ -18,11 +18,13 @@ from shared.protocol import transceiver as t
 from shared.protocol.transceiver_frame import FrameReader, encode
 from shared.protocol.transceiver_session import TransceiverSession
 from shared.protocol.transceiver_stream import FROM_RADIO_BYTES, TO_RADIO_BYTES
-from tools.simulator.devices.mega_build import MegaUnavailableError, build_core_library
+from tools.simulator.devices.mega import MegaError, StepMega
+from tools.simulator.devices.mega_build import MegaUnavailableError, build_core_library, build_mega
 from tools.simulator.devices.mega_core import Core
 
 _CHUNK_BYTES = 50_000
 _REMEMBERED = 200
+_TURN_US, _US_PER_USB_BYTE = 1_000, 25
 _MOST_OF = {"B": 0xFF, "H": 0xFFFF, "I": 0xFFFFFFFF}
 
 
@@ -115,6 +117,21 @@ def _settle(core: Core) -> None:
     core.heard()
 
 
+def fuzz_hex(mega: StepMega, byte_count: int, rng: np.random.Generator) -> int:
+    """The hex takes the bytes on all three wires; how many it said on USB. Raises `AssertionError` on a reset."""
+    source = foreign_bytes(rng)
+    mega.run(20_000)
+    offered = answered = 0
+    while offered < byte_count:
+        usb = b"".join(next(source) for _ in range(40))
+        offered += len(usb)
+        out = mega.run(_TURN_US + _US_PER_USB_BYTE * len(usb), usb, (rng.bytes(100), usb[:100]))
+        answered += len(out.usb)
+        _check(not {"reset", "crashed"} & {event.kind for event in out.events}, "the firmware began anew")
+    mega.run(2_000_000, b"\0")  # its last session times out
+    return answered
+
+
 class _Host:
     """The Python side; time goes on by 1 ms with each portion."""
 
@@ -154,13 +171,18 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="fuzz_transceiver", description=__doc__)
     parser.add_argument("--bytes", type=int, default=10_000_000)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--hex", action="store_true", help="the hex on an emulated Mega instead; half real time")
     arguments = parser.parse_args()
+    rng = np.random.default_rng(arguments.seed)
     try:
-        core = Core(build_core_library())
-    except (MegaUnavailableError, OSError) as error:
+        if arguments.hex:
+            with StepMega(build_mega()) as mega:
+                print(f"{fuzz_hex(mega, arguments.bytes, rng)} bytes answered")
+        else:
+            print(fuzz(Core(build_core_library()), arguments.bytes, rng))
+    except (MegaUnavailableError, MegaError, OSError) as error:
         print(f"fuzz_transceiver: {error}")
         return 1
-    print(fuzz(core, arguments.bytes, np.random.default_rng(arguments.seed)))
     return 0
 
 

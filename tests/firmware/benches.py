@@ -17,7 +17,7 @@ class Bench:
     def __init__(self, mega: StepMega) -> None:
         self.mega = mega
         self.session = TransceiverSession(first_session=7)
-        self.now_s = 0.0
+        self.now_s = mega.run(0).now_us / 1e6
         self.sent = [bytearray(), bytearray()]  # by the host, arrived at the radios
         self.events: list[MegaEvent] = []
         self.usb_bytes = 0
