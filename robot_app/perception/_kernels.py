@@ -137,9 +137,11 @@ def _last_of_surface(
 
 @njit(nogil=True, cache=True)
 def _put(edge_m: F32, edge_at: I32, count: int, i: int, j: int, x: float, y: float, z: float) -> int:
-    """Keep an edge point in cell (i, j), the nearest one of several; returns the new count."""
+    """Keep an edge point in cell (i, j), the nearest one of several, while there is room; returns the new count."""
     index = edge_at[i, j]
     if index < 0:
+        if count == edge_m.shape[0]:
+            return count
         index = count
         edge_at[i, j] = index
         count += 1

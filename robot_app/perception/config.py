@@ -39,11 +39,13 @@ class EdgeConfig:
     detail_curve_m: float = 0.5
     max_detail: float = 4.0
     full_curve_m: float = 0.8  # edges so large are preferred to smaller ones: outlines to the holes in them
+    max_edges: int = 6000  # bounds the time of tracing: the lower part of a frame of noise is left out
     max_samples: int = 1500  # bounds the time of learning
 
     def __post_init__(self) -> None:
         _require(1 <= self.stride_px <= 32, "stride_px must be 1 to 32")
         _require(0 < self.range_min_m < self.range_max_m, "range_min_m must be positive and below range_max_m")
+        _require(self.max_edges >= 2, "max_edges must be at least 2")
         _require(self.max_samples >= 2, "max_samples must be at least 2")
         _require(self.max_hole_cells >= 1, "max_hole_cells must be at least 1")
 

@@ -37,7 +37,8 @@ class EdgeCloud:
     """The edge points of the newest image, optical frame, in buffers that are used again for the next.
 
     `points`: how many points of the decimated image are in range. `edge_m`: (E, 3) float32 of which the first
-    `edges` count; `edge_at`: (R, C) int32, the edge point in each cell of `stride` pixels, -1 for none.
+    `edges` count, no more than `max_edges`; `edge_at`: (R, C) int32, the edge point in each cell of `stride` pixels,
+    -1 for none.
     `sample_m`: the sample nodes A of step 1, of which the first `samples` count; `sample_weight`, `sample_curve`,
     `sample_detail` and what it knows of the curves are those of `CurveTracer`.
     `up`: (4,), a point's height over the floor is `up[:3] @ point + up[3]`. `lens`: fx, fy, cx, cy.
@@ -56,7 +57,7 @@ class EdgeCloud:
         self.cell_width = self.stride / min(intrinsics.fx, intrinsics.fy)
         self.z = np.zeros((rows, columns), np.float32)
         self.edge_at = np.full((rows, columns), -1, np.int32)
-        self.edge_m = np.zeros((rows * columns, 3), np.float32)
+        self.edge_m = np.zeros((min(config.max_edges, rows * columns), 3), np.float32)
         self._tracer = tracer = CurveTracer(config, rows, columns)
         self.sample_m, self.sample_weight = tracer.sample_m, tracer.sample_weight
         self.sample_curve, self.sample_detail = tracer.sample_curve, tracer.sample_detail

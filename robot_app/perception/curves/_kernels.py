@@ -152,7 +152,7 @@ def find_creases(
     edge_at: I32,
     count: int,
 ) -> int:
-    """Edge points where the bend is the sharpest of its neighbourhood; returns the new count."""
+    """Edge points where the bend is the sharpest of its neighbourhood, while there is room; returns the new count."""
     rows, columns = z.shape
     half = stride // 2
     for i in range(rows):
@@ -166,7 +166,7 @@ def find_creases(
                 if 0 <= ci < rows and 0 <= cj < columns and (angle[ci, cj] > bend or (k < 0 and angle[ci, cj] == bend)):
                     sharpest = False
                     break
-            if not sharpest or edge_at[i, j] >= 0:
+            if not sharpest or edge_at[i, j] >= 0 or count == edge_m.shape[0]:
                 continue
             x, y = float(slope_x[half + j * stride]), float(slope_y[half + i * stride])
             if vertical == 1:
