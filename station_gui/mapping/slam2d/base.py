@@ -73,6 +73,11 @@ class StoredSlam(Slam, Protocol):
         ...
 
     @property
+    def fit(self) -> float:
+        """Share of the newest scan's points that fitted, 0 where the match was not believed."""
+        ...
+
+    @property
     def keyframes(self) -> Sequence[Keyframe]:
         """In the order of `trajectory()`."""
         ...

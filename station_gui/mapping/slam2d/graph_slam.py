@@ -60,6 +60,7 @@ class GraphSlam:
         self._node_way_m = 0.0
         self._node_turn_rad = 0.0
         self._lost_scans = 0
+        self._fit = 1.0
 
     def add(self, scan: PointScan) -> Pose2:
         """See `Slam.add`. Raises MappingError for a scan that holds anything but finite numbers."""
@@ -85,6 +86,11 @@ class GraphSlam:
     def saved(self) -> SavedMap:
         """The map as it is believed now."""
         return to_saved(self._graph, self._keyframes)
+
+    @property
+    def fit(self) -> float:
+        """Share of the newest scan's points that fitted, 0 where the match was not believed."""
+        return self._fit
 
     @property
     def keyframes(self) -> Sequence[Keyframe]:
@@ -182,8 +188,12 @@ class GraphSlam:
         odometry = (self._odometry.inverse() @ scan.odom_from_robot).as_array()
         before = self._pose
         match = self._match(lines, self._motion.predict(odometry))
+        if match.share == 0.0:
+            self._motion.miss()
         self._pose = match.pose
         self._count_way(before)
+        if len(lines.points_m) >= self._config.match.min_points:
+            self._fit = match.share
         if match.share > 0.0:
             self._lost_scans = 0
             self._motion.learn(odometry, before, match)

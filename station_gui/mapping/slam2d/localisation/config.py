@@ -77,4 +77,10 @@ class LocalisationConfig:
     look_again_scans: int = 50  # at one place, in doubt: the robot looks anew
     search_again_m: float = 0.4  # driven, after a search that has found nothing to believe
     lost_scans: int = 8  # in a row that do not fit: the robot is lost
+    doubt_share: float = 0.06  # a scan that fits so much worse than usual: the robot may have been carried off
+    usual_rate: float = 0.05  # at which the usual fit follows the newest one
+    doubt_scans: int = 30  # after a search of the map that found no better place
+    carried_m: float = 1.0  # a place that is nearer to where the robot is followed,
+    carried_rad: float = math.radians(20.0)  # and turned less, is the drift of the map
+    carried_impossible: float = 0.1  # of the beams at the place where the robot is followed
     give_up_m: float = 6.0  # driven while it is lost: a new piece of map begins, where the map may grow

@@ -41,6 +41,7 @@ class MapTracker:
         self._odometry = Pose2()
         self._window_at = np.zeros(3)
         self._lost_scans = 0
+        self._fit = 1.0
 
     def load(self, saved: SavedMap) -> None:
         fill(self._graph, saved)
@@ -91,6 +92,7 @@ class MapTracker:
         turn_rad = config.odometry_turn_rad + config.odometry_turn_ratio * abs(float(motion[2]))
         sigma = np.array([shift_m, shift_m, turn_rad])
         match = self._matcher.match(lines, self._window.current, predicted, 1.0 / np.square(sigma))
+        self._fit = match.share
         away = float(np.abs(between(predicted, match.pose) / sigma).max())
         least = config.regained_share if self._lost_scans else config.lost_share
         needed = least + min(1.0, away / (config.far_sigmas * (1 + self._lost_scans))) * (config.far_share - least)
@@ -120,6 +122,10 @@ class MapTracker:
     @property
     def lost_scans(self) -> int:
         return self._lost_scans
+
+    @property
+    def fit(self) -> float:
+        return self._fit
 
     @property
     def keyframes(self) -> Sequence[Keyframe]:

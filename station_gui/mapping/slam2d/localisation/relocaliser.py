@@ -59,6 +59,13 @@ class Relocaliser:
         """Some places may be it, or the first look at the map has not ended."""
         return bool(self.hypotheses) or self._searches == 0 or bool(self._waiting)
 
+    def judged_at(self, map_from_robot: Pose2) -> Hypothesis | None:
+        """How well the map agrees with the robot being there; None before there is anything to say."""
+        if self._query is None:
+            return None
+        start = (map_from_robot @ self.trail_from_robot.inverse()).as_array()
+        return verify(self._config.verify, self._reference, self._query, start)
+
     def add(self, scan: PointScan) -> Pose2 | None:
         """The robot in the map at this scan, once there is no doubt."""
         trail_from_robot = self._trail.add(scan)

@@ -40,6 +40,9 @@ class SelfLocatingSlam:
         self._odometry = Pose2()
         self._pose = Pose2()
         self._relocaliser: Relocaliser | None = None
+        self._checker: Relocaliser | None = None  # looks for a better place while there is doubt
+        self._checked_scans = 0
+        self._usual_fit = 1.0
         self._lost_way_m = 0.0
         self._piece_from: int | None = None  # first keyframe of a piece that hangs on the rest by odometry alone
         if given is not None:
@@ -62,10 +65,40 @@ class SelfLocatingSlam:
         return len(self._early) + len(self._scans)
 
     def _follow(self, scan: PointScan) -> None:
+        keyframes = len(self._inner.keyframes)
         self._pose = self._inner.add(scan)
         self._note_inner_scan()
         if self._inner.lost_scans >= self._config.lost_scans:
-            self._lose()
+            self._lose(self._checker)
+        elif self._checker is not None:
+            self._check(self._checker, scan)
+        elif keyframes and self._inner.fit < self._usual_fit - self._config.doubt_share:
+            self._checker = self._new_relocaliser(keyframes)
+            self._check(self._checker, scan)
+        else:
+            self._usual_fit += self._config.usual_rate * (self._inner.fit - self._usual_fit)
+
+    def _check(self, checker: Relocaliser, scan: PointScan) -> None:
+        """Carried off to where things look alike, a robot may fit by chance: is there a place that fits far better?"""
+        found = checker.add(scan)
+        self._checked_scans += checker.searches > 0
+        if found is not None and self._is_carried(checker, found):
+            self._lose(checker)
+        elif found is not None or self._checked_scans > self._config.doubt_scans:
+            self._forget_doubt()
+
+    def _is_carried(self, checker: Relocaliser, found: Pose2) -> bool:
+        config = self._config
+        away = self._pose.inverse() @ found
+        if away.distance_m(Pose2()) < config.carried_m and abs(away.theta_rad) < config.carried_rad:
+            return False
+        followed = checker.judged_at(self._pose)
+        return followed is not None and followed.impossible >= config.carried_impossible
+
+    def _forget_doubt(self) -> None:
+        self._checker = None
+        self._checked_scans = 0
+        self._usual_fit = self._inner.fit
 
     def _map_apart(self, relocaliser: Relocaliser, first: int, scan: PointScan) -> None:
         """The new piece grows; meanwhile the robot is looked for in the old map, until it is found or a loop closes."""
@@ -82,14 +115,21 @@ class SelfLocatingSlam:
         self._inner_scans += 1
         self._scans.append(self._inner_scans - 1, np.zeros(3))
 
-    def _lose(self) -> None:
+    def _lose(self, relocaliser: Relocaliser | None = None) -> None:
+        """Look for the robot, by what looks for it already where there is one."""
+        self._relocaliser = relocaliser or self._new_relocaliser(len(self._inner.keyframes))
+        self._checker = None
+        self._checked_scans = 0
+        self._lost_way_m = 0.0
+
+    def _new_relocaliser(self, keyframes: int) -> Relocaliser:
+        """In the map of the first `keyframes`: what came later may lie wrong."""
         inner = self._inner
         reference = Reference(
-            self._config.reference, self._config.trail.match, self._grid_config, inner.keyframes,
-            inner.trajectory()[:, 1:],
+            self._config.reference, self._config.trail.match, self._grid_config, inner.keyframes[:keyframes],
+            inner.trajectory()[:keyframes, 1:],
         )  # fmt: skip
-        self._relocaliser = Relocaliser(self._config, reference)
-        self._lost_way_m = 0.0
+        return Relocaliser(self._config, reference)
 
     def _look(self, relocaliser: Relocaliser, scan: PointScan, motion: Pose2) -> None:
         found = relocaliser.add(scan)
@@ -113,6 +153,7 @@ class SelfLocatingSlam:
         self._note_inner_scan()
         self._relocaliser = None
         self._piece_from = None
+        self._usual_fit = 1.0
         self._moved += 1
 
     def _is_joined(self, first: int) -> bool:

@@ -62,6 +62,7 @@ class ParticleSlam:
         self._odometry_rel = np.zeros(3)  # the same by odometry alone
         self._odometry = Pose2()
         self._lost_scans = 0
+        self._fit = 1.0
         self._revision = 0
         self._in_map: list[bool] = []  # of each step, whether its scan is
         self._path_end = -1
@@ -108,6 +109,11 @@ class ParticleSlam:
     def lost_scans(self) -> int:
         """How many scans in a row have not fitted."""
         return self._lost_scans
+
+    @property
+    def fit(self) -> float:
+        """Share of the newest scan's points that fitted, 0 where the match was not believed."""
+        return self._fit
 
     @property
     def keyframes(self) -> Sequence[Keyframe]:
@@ -185,6 +191,7 @@ class ParticleSlam:
         sigma = self._proposer.odometry_sigma(motion)
         expected = compose(base, predicted)
         match = self._proposer.track(self._best, lines, expected, sigma)
+        self._fit = match.share
         if not self._proposer.believes(match, expected, sigma):
             return False
         self._rel = between(base, match.pose)
