@@ -64,6 +64,10 @@ class MotionModel:
         elif self._moved() and float(np.linalg.eigvalsh(held)[0]) > self._match.weak_points:
             self._silent_scans += 1
 
+    def miss(self) -> None:
+        """A match was not believed: what the robot did before says less and less."""
+        self._last_step = 0.5 * self._last_step
+
     def _learn_scale(self, odometry: FloatArray, heading_rad: float, held: FloatArray) -> None:
         config = self._config
         way_m = float(np.hypot(odometry[0], odometry[1]))

@@ -73,3 +73,11 @@ def test_odometry_that_comes_back_is_heard_again() -> None:
     _drive(model, np.zeros(3), np.array([0.06, 0.0, 0.0]), 10, points_x=200.0)
     _drive(model, np.array([0.06, 0.0, 0.0]), np.array([0.06, 0.0, 0.0]), 1, points_x=200.0)
     np.testing.assert_array_equal(model.predict(np.zeros(3)).motion, np.zeros(3))
+
+
+def test_a_lost_robot_without_odometry_comes_to_a_stop() -> None:
+    model = _model()
+    _drive(model, np.zeros(3), np.array([0.06, 0.0, 0.0]), 10, points_x=200.0)
+    for _ in range(20):
+        model.miss()
+    assert float(np.abs(model.predict(np.zeros(3)).motion).max()) < 1e-6
