@@ -110,16 +110,32 @@ def _recognise(baud_rate: int) -> Procedure[Mode | None]:
 def bring_up(wanted: RadioSettings, can_reset: bool) -> Procedure[Running]:
     """Bring a module in whatever state to operate with `wanted`; nothing is written to its flash memory.
 
-    A module that operates already is believed to have been saved so: without a reset it cannot be asked.
+    A module that operates cannot be asked what it is set to. Where it can be reset it is: one that begins in
+    configuration is then set anew. One that begins in operation is believed to have been saved as wanted.
     """
     require_usable(wanted)
     found = yield from find((wanted.baud_rate,))
+    if found.mode is Mode.BINARY and can_reset:
+        if (yield from _asks_after_reset()):
+            found = Found(Mode.QUESTION, found.baud_rate)
+        else:  # it operates again, or asks at the rate that it was saved with
+            found = yield from find((found.baud_rate,))
     if found.mode is Mode.BINARY:
         return Running(None)
     if found.mode in {Mode.ASCII, Mode.TERMINAL}:
         yield from _enter_by_reset(found, can_reset)
     elif found.mode is Mode.QUESTION:
         yield from _choose_processor()
+    return (yield from _set_and_start(wanted))
+
+
+def _asks_after_reset(boot_s: float = BOOT_S) -> Procedure[bool]:
+    yield ResetModule()
+    answer = yield Ask(b"", Wait.REPLY, boot_s)
+    return answer.said is Said.MODE_QUESTION
+
+
+def _set_and_start(wanted: RadioSettings) -> Procedure[Running]:
     current = (yield from read_settings()).settings
     yield from write_settings(wanted, current)
     yield from start()
@@ -129,10 +145,7 @@ def bring_up(wanted: RadioSettings, can_reset: bool) -> Procedure[Running]:
 def restart(wanted: RadioSettings) -> Procedure[Running]:
     """What `bring_up` does with a module that has just asked for the mode."""
     yield from _choose_processor()
-    current = (yield from read_settings()).settings
-    yield from write_settings(wanted, current)
-    yield from start()
-    return Running(wanted)
+    return (yield from _set_and_start(wanted))
 
 
 def enter_configuration(baud_rate: int, boot_s: float = BOOT_S) -> Procedure[Found]:
@@ -154,9 +167,7 @@ def _enter_by_reset(found: Found, can_reset: bool, boot_s: float = BOOT_S) -> Pr
         yield from ask_for_configuration()
     if not can_reset:
         raise DialogueError(f"the module {found.mode.value}. Switch its power off and on again")
-    yield ResetModule()
-    answer = yield Ask(b"", Wait.REPLY, boot_s)
-    if answer.said is not Said.MODE_QUESTION:
+    if not (yield from _asks_after_reset(boot_s)):
         raise DialogueError(f"the module has not been reset within {boot_s:g} s")
     yield from _choose_processor()
 

@@ -108,6 +108,30 @@ def test_a_module_that_operates_already_goes_on(baud_rate: int) -> None:
     assert driver.poll(0.0) == [Sent(handle)]
 
 
+@pytest.mark.parametrize("baud_rate", [115_200, 38_400])
+@pytest.mark.parametrize("with_reset", [True, False])
+def test_a_module_left_operating_with_other_settings_is_set_anew_where_it_can_be_reset(
+    with_reset: bool, baud_rate: int
+) -> None:
+    """An earlier program has configured and started it, and its settings have been changed since."""
+    rig = Rig()
+    module = rig.module("robot")
+    earlier = dataclasses.replace(ROBOT, spreading_factor=9, baud_rate=baud_rate)
+    rig.driver(module, earlier).wait_until_operating(5.0)
+    events = rig.driver(module, ROBOT, with_reset).wait_until_operating(20.0)
+    assert events == [Ready(ROBOT if with_reset else None)]
+    assert module.settings == (ROBOT if with_reset else earlier)
+    assert module.flash_writes == 0
+
+
+def test_a_module_saved_for_operation_goes_on_after_its_reset() -> None:
+    rig = Rig()
+    module = rig.module("robot", operating(ROBOT))
+    rig.run(0.1)
+    assert rig.driver(module, ROBOT, with_reset=True).wait_until_operating(5.0) == [Ready(None)]
+    assert (module.state, module.flash_writes) == (State.OPERATION, 0)
+
+
 def test_a_module_in_the_wrong_format_needs_its_reset_pin() -> None:
     rig = Rig()
     flash = operating(dataclasses.replace(ROBOT, format=Format.ASCII))
