@@ -16,7 +16,7 @@ from shared.runtime.clock import Clock
 from shared.runtime.runner import TaskHealth, ThreadRunner
 
 _log = logging.getLogger(__name__)
-_SWITCH_INTERVAL_S = 0.0005  # a Python thread may keep the others waiting for so long
+SWITCH_INTERVAL_S = 0.0005  # a Python thread may keep the others waiting for so long
 _LOOK_AFTER_S = 0.5  # a watchdog of 2 s or longer hears from us in time
 
 
@@ -32,7 +32,7 @@ def run_robot(
     app: RobotApp, clock: Clock, stop: threading.Event, service: ServiceManager, on_ready: Callable[[], None]
 ) -> None:
     """Run the tasks of a warm app until `stop` is set. The car stops first, then the devices are closed."""
-    sys.setswitchinterval(_SWITCH_INTERVAL_S)
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
     runner = ThreadRunner(app.tasks(), clock, app.on_fault)
     app.use_health(lambda: runner.health)
     gc.collect()
