@@ -11,7 +11,7 @@ import statistics
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -68,6 +68,13 @@ class Row:
     figures: Figures
     labels: LabelFigures | None
 
+    @staticmethod
+    def with_labels(figures: Figures, labels: LabelFigures) -> Row:
+        """The same frame, compared with its labels too."""
+        object_recall, precision, recall = _shares(labels)
+        compared = replace(figures, object_recall=object_recall, boundary_precision=precision, boundary_recall=recall)
+        return Row(compared, labels)
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = "Extract 3D objects from depth images and print the figures of table 4 of paper 1."
@@ -100,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
         except DepthFileError as error:
             print(error, file=sys.stderr)
             return 2
-    overall = _overall(rows)
+    overall = overall_of(rows)
     if args.json:
         print(json.dumps({"files": [asdict(row.figures) for row in rows], "overall": asdict(overall)}))
     else:
@@ -130,7 +137,7 @@ def _evaluate(path: Path, args: argparse.Namespace) -> Row:
     if args.picture:
         args.picture.mkdir(parents=True, exist_ok=True)
         draw(file.image, objects, intrinsics, mount).save(args.picture / f"{path.name}.png")
-    labels = None if file.labels is None else _compare(file.image, file.labels, objects, intrinsics, mount)
+    labels = None if file.labels is None else compare_labels(file.image, file.labels, objects, intrinsics, mount)
     return measure(path.name, extractor, file.image, objects, intrinsics, labels)
 
 
@@ -145,7 +152,7 @@ def extractor_with(name: str, intrinsics: Intrinsics, mount: Mount) -> ObjectExt
     return ObjectExtractor(config, intrinsics, mount, rng, learner)
 
 
-def _compare(
+def compare_labels(
     image: DepthImage, labels: NDArray[np.int32], objects: ObjectNetwork, intrinsics: Intrinsics, mount: Mount
 ) -> LabelFigures:
     optical_from_robot = np.linalg.inv(mount.robot_from_optical())
@@ -214,7 +221,7 @@ def _median_ms(work: Callable[[], object]) -> float:
     return round(1e3 * statistics.median(times), 3)
 
 
-def _overall(rows: list[Row]) -> Figures:
+def overall_of(rows: list[Row]) -> Figures:
     """Medians, the extremes of the lengths, and the shares over all objects and points of all files."""
     figures = [row.figures for row in rows]
     shortest = [row.min_edge_m for row in figures if row.min_edge_m is not None]

@@ -94,6 +94,13 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def compare_all(files: list[Path], lab: bool, nodes: int = 150, runs: int = 20) -> list[Figures]:
+    """The medians over the frames that have enough samples; empty without one. Raises DepthFileError."""
+    clouds = _clouds(argparse.Namespace(files=files, lab=lab, intrinsics=None))
+    rows = [FileFigures(name, c.samples, _compare(c, nodes, runs)) for name, c in clouds if c.samples >= 3 * nodes]
+    return _overall(rows) if rows else []
+
+
 def _clouds(args: argparse.Namespace) -> list[tuple[str, EdgeCloud]]:
     clouds = []
     for path in args.files:

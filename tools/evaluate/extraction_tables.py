@@ -1,0 +1,142 @@
+"""`evaluate tables`: measures what docs/extraction.md shows, and writes it there between its marks."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from robot_app.drivers.base import DepthImage
+from robot_app.perception.config import PerceptionConfig
+from robot_app.perception.object_extractor import ObjectExtractor
+from robot_app.perception.point_cloud import Mount
+from shared.geometry.camera import Intrinsics
+from shared.messages import ObjectNetwork
+from tools.evaluate import learners
+from tools.evaluate.depth_files import DepthFileError, read_depth
+from tools.evaluate.extraction import Row, compare_labels, intrinsics_of, measure, mount_of, overall_of
+from tools.evaluate.extraction_pictures import draw
+from tools.evaluate.extraction_stability import measure_stability
+from tools.evaluate.lab_frames import lab_camera, lab_frames
+
+_KINECT_STEP = 96  # of the frames' numbers: ten of the sequence's first 960
+_PAPER_TABLE_2 = (
+    ("standard GNG", 150, 165, 67.9, 1.0),
+    ("FastGNG", 150, 281, 22.2, 3.1),
+    ("simplified FastGNG", 151, 138, 16.2, 4.2),
+)
+_PAPER_TABLE_4 = (
+    ("paper, 14a", 8586, 77, 80, 8, 0.100, 2.430, 32.7),
+    ("paper, 14b", 11647, 48, 49, 3, 0.100, 3.210, 27.6),
+    ("paper, 14c", 10455, 61, 67, 5, 0.100, 3.180, 34.6),
+    ("paper, 14d", 10802, 80, 86, 2, 0.102, 1.575, 35.6),
+    ("paper, 14e", 13948, 54, 60, 1, 0.102, 1.217, 32.1),
+    ("paper, 14f", 14094, 70, 76, 2, 0.100, 0.560, 30.0),
+)
+_PICTURES = {"lab view 3": "lab", "frame-000096.depth.png": "kinect", "test55.pcd": "tabletop"}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("data", type=Path, metavar="DIR", help="with kinect_sequence/, l515/ and labelled_tabletop/")
+    parser.add_argument("document", type=Path, metavar="FILE", help="the document to write into")
+    parser.add_argument("--pictures", type=Path, metavar="DIR", help="draw the frames that the document shows, here")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Exit code 2 when a file cannot be read or the document has no marks."""
+    try:
+        text = args.document.read_text(encoding="utf-8")
+        for name, table in (
+            ("table 2", _table_2(args.data)),
+            ("table 4", _table_4(args.data, args.pictures)),
+            ("stability", _stability()),
+        ):
+            text = replace_between(text, name, table)
+    except (DepthFileError, ValueError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 2
+    args.document.write_text(text, encoding="utf-8")
+    return 0
+
+
+def replace_between(text: str, name: str, table: list[str]) -> str:
+    """`text` with the lines of `table` between the marks of `name`. Raises ValueError when these are not there."""
+    begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
+    if text.count(begin) != 1 or text.count(end) != 1 or text.index(begin) > text.index(end):
+        raise ValueError(f"the document needs {begin} and {end}, once each and in this order")
+    return text[: text.index(begin) + len(begin)] + "\n" + "\n".join(table) + "\n" + text[text.index(end) :]
+
+
+def _kinect(data: Path) -> list[Path]:
+    return [data / "kinect_sequence" / f"frame-{_KINECT_STEP * k:06d}.depth.png" for k in range(10)]
+
+
+def _table_2(data: Path) -> list[str]:
+    lines = ["| learner | nodes | connections | ms | times as fast | |", "|---|---|---|---|---|---|"]
+    lines += [f"| {name} | {n} | {c} | {ms} | {fast} | paper, Pi |" for name, n, c, ms, fast in _PAPER_TABLE_2]
+    for where, files, lab in (("7-Scenes", _kinect(data), False), ("simulated lab", [], True)):
+        for row in learners.compare_all(files, lab=lab):
+            lines.append(
+                f"| {row.learner} | {row.nodes} | {row.connections} | {row.learn_ms} | {row.times_as_fast} | {where} |"
+            )
+    return lines
+
+
+def _table_4(data: Path, pictures: Path | None) -> list[str]:
+    lines = [
+        "| frame | points | nodes | connections | clusters | shortest | longest | ms | floor ms "
+        "| objects found | boundary precision | recall |",
+        "|---" * 12 + "|",
+    ]
+    for name, points, nodes, connections, found, low, high, ms in _PAPER_TABLE_4:
+        lines.append(f"| {name} | {points} | {nodes} | {connections} | {found} | {low} m | {high} m | {ms} | | | | |")
+    lab = [_measure(f"lab view {k}", image, *lab_camera(), pictures) for k, image in enumerate(lab_frames())]
+    files = [*_kinect(data), *sorted((data / "l515").glob("*.npy.gz")), *sorted((data / "labelled_tabletop").glob("*.pcd"))]
+    read = [_measure_file(path, pictures) for path in files]
+    for group in (lab, read[:10], read[10:12], read[12:]):
+        lines += [_line(row) for row in group]
+        lines.append(_line(Row(overall_of(group), None), "**median**"))
+    return lines
+
+
+def _line(row: Row, name: str = "") -> str:
+    f = row.figures
+    values = [name or f.file, f.points, f.nodes, f.connections, f.clusters, f.min_edge_m, f.max_edge_m, f.total_ms]
+    values += [f.floor_ms, f.object_recall, f.boundary_precision, f.boundary_recall]
+    return "| " + " | ".join("" if value is None else str(value) for value in values) + " |"
+
+
+def _measure_file(path: Path, pictures: Path | None) -> Row:
+    file = read_depth(path)
+    intrinsics = intrinsics_of(path, file.image, file.lens_px)
+    mount = mount_of("search", file.image, intrinsics)
+    row = _measure(path.name, file.image, intrinsics, mount, pictures)
+    if file.labels is None:
+        return row
+    objects = _extractor(intrinsics, mount).extract(file.image)
+    labels = compare_labels(file.image, file.labels, objects, intrinsics, mount)
+    return Row.with_labels(row.figures, labels)
+
+
+def _measure(name: str, image: DepthImage, intrinsics: Intrinsics, mount: Mount, pictures: Path | None) -> Row:
+    extractor = _extractor(intrinsics, mount)
+    objects: ObjectNetwork = extractor.extract(image)
+    if pictures is not None and name in _PICTURES:
+        draw(image, objects, intrinsics, mount).save(pictures / f"extraction-{_PICTURES[name]}.png")
+    return measure(name, extractor, image, objects, intrinsics)
+
+
+def _extractor(intrinsics: Intrinsics, mount: Mount) -> ObjectExtractor:
+    return ObjectExtractor(PerceptionConfig(), intrinsics, mount, np.random.default_rng(1))
+
+
+def _stability() -> list[str]:
+    lines = ["| | nodes within 3 cm | median step | connections kept |", "|---|---|---|---|"]
+    for name, found in zip(("learned anew", "tracked"), measure_stability(), strict=True):
+        lines.append(
+            f"| {name} | {100 * found.nodes_within_3_cm:.0f} % | {found.median_step_mm:.1f} mm "
+            f"| {100 * found.connections_kept:.0f} % |"
+        )
+    return lines
