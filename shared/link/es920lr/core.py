@@ -35,7 +35,6 @@ from shared.link.es920lr.settings import BROADCAST_ID, RadioSettings
 _log = logging.getLogger(__name__)
 _MOST_EVENTS = 256
 _MARGIN_S = 0.25  # for USB, the transceiver and a busy computer
-_FORGETS_S = 0.5  # a half frame that stands for longer is dropped by the module
 _AHEAD_S = 0.3  # hand over ahead of time only when the module will be ready this soon
 _STILL_KEPT_S = 0.4  # a half frame this old is surely still there
 _SURELY_FORGOTTEN_S = 0.65

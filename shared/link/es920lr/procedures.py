@@ -35,6 +35,7 @@ _FLASH_S = 2.0  # erasing and writing the sector
 _WORD_S = 0.5  # the same, of which the module says nothing
 BOOT_S = 0.4
 _HALF_FRAME_S = 0.7  # a module in operation forgets a half frame after 0.5 s
+_LINE = "Is the line sound? Try again, or take a lower baud_rate"
 _CONFIGURATION_WORD = b"config"
 _REFUSALS = {
     1: "it does not know the command",
@@ -187,7 +188,7 @@ def _choose_processor() -> Procedure[None]:
         answer = yield Ask(b"processor\r\n", Wait.REPLY, _ANSWER_S)
         if answer.said is Said.OK or (answer.said, answer.refusal) == (Said.REFUSED, 1):  # already there
             return
-    raise DialogueError("the module asks for its mode and does not take the answer")
+    raise DialogueError(f"the module asks for its mode and does not take the answer. {_LINE}")
 
 
 def read_settings() -> Procedure[Shown]:
@@ -200,7 +201,7 @@ def read_settings() -> Procedure[Shown]:
                 problem = str(error)
         else:
             problem = f"`show` was answered by {answer.said.value}"
-    raise DialogueError(problem)
+    raise DialogueError(f"{problem}. {_LINE}")
 
 
 def write_settings(wanted: RadioSettings, current: RadioSettings | None) -> Procedure[int]:
@@ -227,7 +228,7 @@ def save() -> Procedure[None]:
     if answer.said is Said.REFUSED:
         raise DialogueError(f"not saved: {_REFUSALS.get(answer.refusal, f'NG {answer.refusal:03d}')}")
     if answer.said is not Said.OK:
-        raise DialogueError("not saved: the module does not answer")
+        raise DialogueError(f"not saved: the module does not answer. {_LINE}")
 
 
 def load_defaults() -> Procedure[None]:
@@ -242,7 +243,7 @@ def load_defaults() -> Procedure[None]:
 def version() -> Procedure[str]:
     answer = yield Ask(b"version\r\n", Wait.VERSION, 1.0)
     if answer.said is not Said.TEXT:
-        raise DialogueError("the module does not say its version")
+        raise DialogueError(f"the module does not say its version. {_LINE}")
     return answer.text
 
 
@@ -250,7 +251,7 @@ def start() -> Procedure[None]:
     """Leave configuration and operate."""
     answer = yield from _insist(b"start")
     if answer.said is not Said.OK:
-        raise DialogueError("the module does not start to operate")
+        raise DialogueError(f"the module does not start to operate. {_LINE}")
     yield Ask(b"", Wait.QUIET, 0.05)  # its empty line
 
 
@@ -261,8 +262,10 @@ def _insist(line: bytes) -> Procedure[Answer]:
         if answer.said in {Said.OK, Said.REFUSED}:
             return answer
         if answer.said is Said.MODE_QUESTION:
-            raise DialogueError("the module has restarted while it was being configured")
-    raise DialogueError(f"no answer to `{line.decode('ascii')}`")
+            raise DialogueError(
+                "the module has restarted while it was being configured. Is its supply strong enough? Try again"
+            )
+    raise DialogueError(f"no answer to `{line.decode('ascii')}`. {_LINE}")
 
 
 def _ask(data: bytes, wait: Wait, baud_rate: int) -> Ask:

@@ -147,3 +147,17 @@ def test_after_the_chaos_packets_go_through_at_once(seed: int) -> None:
             for side in sides:
                 side.step(b"", False)
         assert sides[receiver].heard[-1:] == [text]
+
+
+def test_the_same_seed_gives_the_same_minute() -> None:
+    def minute() -> list[object]:
+        rng = np.random.default_rng(6)
+        rig, sides = two_sides(rng)
+        while rig.clock.now_s() < 30.0:
+            rig.clock.advance(0.01)
+            for side in sides:
+                side.step(rng.bytes(20), True)
+                disturb(side, rng)
+        return [rig.channel.statistics, *((s.heard, s.fates, s.driver.statistics) for s in sides)]
+
+    assert minute() == minute()
