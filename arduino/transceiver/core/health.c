@@ -8,7 +8,7 @@
 #define STUCK_MS 500u
 #define RINGS (2u * PORT_COUNT)
 
-static struct {
+static struct counters {
     uint32_t uptime_ms;
     uint32_t frames_in;
     uint32_t bytes_in[RADIOS];
@@ -38,9 +38,7 @@ static struct ring *ring_of(uint8_t index)
 
 void health_init(uint16_t now_ms)
 {
-    uint8_t *bytes = (uint8_t *)&health;
-    for (uint16_t i = 0; i < sizeof health; i++)
-        bytes[i] = 0;
+    health = (struct counters){0};
     health.last_ms = health.reported_ms = now_ms;
     for (uint8_t index = 0; index < RINGS; index++) {
         moves[index].tail = ring_of(index)->tail;
