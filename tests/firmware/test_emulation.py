@@ -64,3 +64,12 @@ def test_a_build_that_fails_shows_why(tmp_path: Path) -> None:
     (tmp_path / "Makefile").write_text("all:\n\t@echo it broke >&2; false\n")
     with pytest.raises(MegaUnavailableError, match="it broke"):
         mega_build._make(tmp_path, "all", tmp_path)
+
+
+@pytest.mark.parametrize("kind", [StepMega, LiveMega])
+def test_it_ends_when_whoever_started_it_is_gone(mega_files: MegaFiles, kind: type[StepMega] | type[LiveMega]) -> None:
+    with kind(mega_files) as mega:
+        process = mega._program._process
+        assert process.stdin is not None
+        process.stdin.close()  # as the system does for a program that was killed
+        assert process.wait(10.0) == 0
