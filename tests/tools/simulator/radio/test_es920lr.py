@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 from shared.link.es920lr.airtime import Modulation, ack_airtime_s, airtime_s, carrier_sense_s, packets_per_s
 from shared.link.es920lr.settings import (
     BAUD_RATES,
+    ROWS,
     BootMode,
     Format,
     Node,
@@ -503,3 +505,35 @@ def test_a_port_that_nobody_reads_has_a_bound() -> None:
     pair = Pair(dataclasses.replace(ROBOT, auto_send_interval_s=1, auto_send_text="x" * 50))
     pair.rig.run(1_500.0)
     assert len(pair.second.line._to_host) <= 65_536
+
+
+@pytest.mark.parametrize(
+    "flash", [RadioSettings(), operating(ROBOT), operating(dataclasses.replace(ROBOT, format=Format.ASCII))]
+)
+def test_no_bytes_bring_it_down(flash: RadioSettings, rng: np.random.Generator) -> None:
+    """Random bytes, and random values to every command, at any rate; a reset brings it back to its question."""
+    rig, module, port = booted(flash)
+    names = [
+        *(row.command for row in ROWS),
+        *(row.short for row in ROWS),
+        "save",
+        "load",
+        "show",
+        "start",
+        "help",
+        "1",
+        "2",
+    ]
+    for _ in range(600):
+        value = rng.bytes(int(rng.integers(8))) if rng.random() < 0.5 else b"%d" % rng.integers(-20, 20)
+        port.set_baud_rate(module.line.baud_rate if rng.random() < 0.9 else 9_600)
+        port.write(names[rng.integers(len(names))].encode() + b" " * int(rng.integers(2)) + value + b"\r\n")
+        port.write(rng.bytes(int(rng.integers(100))))
+        rig.run(float(rng.choice((0.01, 0.6))))
+        port.read(0.0)
+        if rng.random() < 0.02:
+            module.reset()
+    module.configuration_pin = True
+    module.reset()
+    port.set_baud_rate(module.flash.baud_rate)
+    assert listen(port, 0.5).endswith(QUESTION)
