@@ -17,7 +17,7 @@ class ReferenceConfig:
 
     cell_m: float = 0.05  # doubled until the map has no more than
     max_cells: int = 25_000_000
-    search_cells: int = 400_000  # the same for the likelihood that is searched
+    search_cells: int = 100_000  # the same for the likelihood that is searched
     reach_m: float = 0.4  # a scan may be this far off and still find its surfel
     max_surfels: int = 2_000_000
     scans_per_step: int = 24
@@ -37,7 +37,8 @@ class SearchConfig:
     min_score: float = 0.45  # mean likelihood
     behind_best: float = 0.3  # what is farther below the best place is none
     keep_level: int = 3  # one place per square of 2**3 cells and turn
-    sums_per_step: int = 40_000
+    sums_per_step: int = 20_000
+    reach_m: float = 8.0  # farther points would only ask for finer turns
     max_found: int = 4096
     apart_m: float = 0.25  # places nearer to a better one, and turned less, are the same
     apart_rad: float = math.radians(10.0)

@@ -23,7 +23,8 @@ class PlaceSearch:
         self._config = config
         self._reference = reference
         self._at = query.at
-        kept = thinned(query.points_m, config.spacing_m, config.points)
+        near = np.flatnonzero(np.hypot(*(query.points_m - query.at[:2]).T) <= config.reach_m)
+        kept = near[thinned(query.points_m[near], config.spacing_m, config.points)]
         c, s = math.cos(query.at[2]), math.sin(query.at[2])
         self._points = np.ascontiguousarray((query.points_m[kept] - query.at[:2]) @ np.array([[c, -s], [s, c]]))
         cell_m = reference.pyramid.cell_m
