@@ -192,3 +192,55 @@ def test_while_it_is_lost_its_place_is_by_odometry(
     moved = poses[0].inverse() @ poses[-1]
     assert moved.distance_m(way[0].inverse() @ way[-1]) < 1e-9
     assert math.isclose(moved.theta_rad, 0.07, abs_tol=1e-9)
+
+
+class _Deceived(MapTracker):
+    """Follows the robot where it stood, by scans that seem to fit a little worse than usual."""
+
+    deceived = False
+
+    def add(self, scan: PointScan) -> Pose2:
+        pose = super().add(scan)
+        if not self.deceived:
+            return pose
+        self._lost_scans, self._fit, self._pose = 0, 0.85, self.believed.as_array()
+        return self.believed
+
+    believed = Pose2()
+
+
+def _deceived(lab_map: SavedMap, lab: FloatArray, way: list[Pose2], make: ScanMaker) -> SelfLocatingSlam:
+    inner = _Deceived(GraphSlamConfig())
+    slam = _slam(inner, lab_map, fixed=True)
+    inner.believed = _follow(slam, lab, way, make, _SOMEWHERE)[-1]
+    inner.deceived = True
+    assert slam.tracking is Tracking.LOCATED
+    return slam
+
+
+def test_a_place_that_fits_by_chance_gives_way_to_the_one_that_fits(
+    lab: FloatArray, lab_map: SavedMap, lap: LapMaker, scan_from: ScanMaker
+) -> None:
+    way = lap(100)
+    slam = _deceived(lab_map, lab, way[:25], scan_from)
+    rng = np.random.default_rng(5)
+    there = way[70]
+    for k in range(25):
+        pose = slam.add(scan_from(lab, there, rng, _SOMEWHERE @ way[24], 3.0 + 0.1 * k))
+        if pose.distance_m(there) < 0.03:
+            break
+    assert pose.distance_m(there) < 0.03
+    assert slam.tracking is Tracking.LOCATED
+
+
+def test_scans_that_fit_worse_at_the_right_place_change_nothing(
+    lab: FloatArray, lab_map: SavedMap, lap: LapMaker, scan_from: ScanMaker
+) -> None:
+    way = lap(100)
+    slam = _deceived(lab_map, lab, way[:25], scan_from)
+    rng = np.random.default_rng(5)
+    before = slam.revision
+    for k in range(40):
+        slam.add(scan_from(lab, way[24], rng, _SOMEWHERE @ way[24], 3.0 + 0.1 * k))
+        assert slam.tracking is Tracking.LOCATED
+    assert slam.revision == before
