@@ -99,12 +99,9 @@ def remove_isolated(node_m: F32, node_curve: I32, node_weight: F32, linked: U8, 
             for axis in range(3):
                 node_m[kept, axis] = node_m[a, axis]
             for b in range(nodes):
-                linked[kept, b] = linked[a, b]
-                linked[a, b] = 0
-            for b in range(nodes):
-                if linked[b, a] == 1:
-                    linked[b, a] = 0
-                    linked[b, kept] = 1
+                if linked[a, b] == 1:
+                    set_link(linked, a, b, 0)
+                    set_link(linked, kept, b, 1)
         kept += 1
     return kept
 
