@@ -25,6 +25,8 @@ class EdgeConfig:
     # So many cells without return from the top of the image down are open space and not a cut of the sensor's.
     min_open_cells: int = 4
     depth_noise: float = 0.0015  # standard deviation at 1 m, in metres; grows with the square of the depth
+    # Shorter lines on the floor are left out: what is so small is told by its outline, and they join what stands close.
+    min_contact_m: float = 0.25
     crease_angle_rad: float = 0.70  # two flat surfaces that meet at a sharper angle make an edge
     crease_arm_m: float = 0.08  # how much of each surface is looked at
     floor_height_m: float = 0.02  # what is lower than this belongs to the floor,

@@ -133,7 +133,7 @@ class EdgeCloud:
         )
 
     def _find_contact(self) -> None:
-        config = self._config
+        config, first = self._config, self.edges
         self.edges = kernels.find_contact(
             self.z,
             self.slope_x,
@@ -150,6 +150,7 @@ class EdgeCloud:
             self.edge_at,
             self.edges,
         )
+        self._tracer.drop_short(self.edge_m, self.edge_at, first, self.edges, self.lens, self.stride, self.cell_width)
 
     def _find_creases(self, vertical: int) -> None:
         config = self._config

@@ -40,6 +40,7 @@ class CurveTracer:
         self._arc_m = np.zeros(cells, np.float32)
         self.extent_m = np.zeros(cells, np.float32)
         self.detail = np.ones(cells, np.float32)
+        self._box_m = np.zeros((cells, 6), np.float32)
         self._near = np.zeros(24, np.int32)
         self._way = np.zeros((24, 3), np.float32)
         self._ends = np.zeros(cells, np.int32)
@@ -57,6 +58,20 @@ class CurveTracer:
         """Take curves and samples from the edge points; arguments as in `EdgeCloud`."""
         self._trace(edge_m, edge_at, lens, stride, cell_width)
         self._choose_samples(cell_width)
+
+    def drop_short(
+        self,
+        edge_m: NDArray[np.float32],
+        edge_at: NDArray[np.int32],
+        first: int,
+        end: int,
+        lens: NDArray[np.float64],
+        stride: int,
+        cell_width: float,
+    ) -> None:
+        """Forget pieces of contact with the floor that are too short, which are the edge points `first` to `end`."""
+        limit_m = self._config.min_contact_m
+        kernels.drop_short(edge_m, edge_at, first, end, lens, stride, cell_width, limit_m, self._curve, self._box_m)
 
     def _trace(
         self,

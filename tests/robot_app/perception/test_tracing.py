@@ -139,3 +139,19 @@ def test_every_cell_an_edge_stays_within_memory() -> None:
         tracer = traced(flat)
         assert tracer.samples <= EdgeConfig().max_samples
         assert np.isfinite(samples_of(tracer)).all()
+
+
+def test_short_pieces_among_some_points_are_dropped_and_the_others_stay() -> None:
+    long, short = line((-0.3, 0.1, 1.0), (0.3, 0.1, 1.0)), line((-0.05, -0.1, 1.0), (0.05, -0.1, 1.0))
+    edge_m, edge_at = cells_of(np.concatenate((short, long, short - np.array([0.0, 0.1, 0.0]))))
+    shorts = len(np.unique(edge_at[edge_at >= 0])) - len(cells_at(long))
+    first = shorts // 2
+    tracer = CurveTracer(EdgeConfig(min_contact_m=0.25), ROWS, COLUMNS)
+    tracer.drop_short(edge_m, edge_at, first, int(edge_at.max()) + 1, LENS, STRIDE, CELL_WIDTH)
+    left = np.sort(edge_at[edge_at >= 0])
+    np.testing.assert_array_equal(left, np.arange(first + len(cells_at(long))))
+
+
+def cells_at(points_m: np.ndarray) -> np.ndarray:
+    edge_at = cells_of(points_m)[1]
+    return edge_at[edge_at >= 0]

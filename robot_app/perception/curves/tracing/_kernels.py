@@ -394,6 +394,62 @@ def _root(parent: I32, a: int) -> int:
 
 
 @njit(nogil=True, cache=True)
+def _cell_of(edge_m: F32, edge_at: I32, index: int, lens: F64, stride: int, axis: int) -> int:
+    """The row (axis 1) or column (axis 0) of the cell that an edge point is seen in."""
+    cell = int((edge_m[index, axis] / edge_m[index, 2] * lens[axis] + lens[2 + axis]) / stride)
+    last: int = edge_at.shape[1 - axis] - 1
+    return min(max(cell, 0), last)
+
+
+@njit(nogil=True, cache=True)
+def drop_short(
+    edge_m: F32,
+    edge_at: I32,
+    first: int,
+    end: int,
+    lens: F64,
+    stride: int,
+    cell_width: float,
+    min_extent_m: float,
+    parent: I32,
+    box_m: F32,
+) -> None:
+    """Takes pieces of less than `min_extent_m` that the edge points `first` to `end` make out of `edge_at`.
+
+    `parent`: (E,), `box_m`: (E, 6) room to work in.
+    """
+    rows, columns = edge_at.shape
+    for a in range(first, end):
+        parent[a] = a
+        for axis in range(3):
+            box_m[a, axis] = box_m[a, 3 + axis] = edge_m[a, axis]
+    for a in range(first, end):
+        i, j = _cell_of(edge_m, edge_at, a, lens, stride, 1), _cell_of(edge_m, edge_at, a, lens, stride, 0)
+        for k in range(max(i - 2, 0), min(i + 3, rows)):
+            for m in range(max(j - 2, 0), min(j + 3, columns)):
+                b = edge_at[k, m]
+                if b > a and b < end and _gap_cells(edge_m, a, b, cell_width) < 4.0:
+                    ra, rb = _root(parent, a), _root(parent, b)
+                    parent[max(ra, rb)] = min(ra, rb)
+    for a in range(first, end):
+        r = _root(parent, a)
+        for axis in range(3):
+            box_m[r, axis] = min(box_m[r, axis], edge_m[a, axis])
+            box_m[r, 3 + axis] = max(box_m[r, 3 + axis], edge_m[a, axis])
+    for a in range(first, end):
+        r, square = _root(parent, a), 0.0
+        for axis in range(3):
+            square += (box_m[r, 3 + axis] - box_m[r, axis]) ** 2
+        if square >= min_extent_m * min_extent_m:
+            continue
+        i, j = _cell_of(edge_m, edge_at, a, lens, stride, 1), _cell_of(edge_m, edge_at, a, lens, stride, 0)
+        for k in range(max(i - 1, 0), min(i + 2, rows)):
+            for m in range(max(j - 1, 0), min(j + 2, columns)):
+                if edge_at[k, m] == a:
+                    edge_at[k, m] = -1
+
+
+@njit(nogil=True, cache=True)
 def group_curves(
     point_m: F32,
     point_uv: F32,
