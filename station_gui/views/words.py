@@ -130,9 +130,14 @@ def mission_sentence(view: OperatorView, stale_after_s: float) -> str:
     if view.telemetry.state is MissionState.COMMAND and not view.telemetry.stop_reason and view.goal_m is not None:
         return _goal_sentence(view, view.goal_m)
     lost = tracking_sentence(view.snapshot) if view.snapshot is not None else ""
-    if lost and view.telemetry.state is MissionState.COMMAND and not view.telemetry.stop_reason:
-        return f"{lost} Drive it by hand until then."
-    return f"{lost} {telemetry_sentence(view.telemetry)}".strip()
+    return _with_place(lost, view.telemetry) if lost else telemetry_sentence(view.telemetry)
+
+
+def _with_place(lost: str, telemetry: Telemetry) -> str:
+    """With a robot that has no place in the map there is nothing to send anywhere."""
+    if telemetry.state is MissionState.COMMAND and not telemetry.stop_reason:
+        return f"{lost} Drive it by hand until it is known."
+    return f"{lost} {telemetry_sentence(telemetry)}"
 
 
 def _goal_sentence(view: OperatorView, goal_m: tuple[float, float]) -> str:

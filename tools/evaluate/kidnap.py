@@ -8,6 +8,7 @@ is compared with the truth. In a room that is not in the map the robot must stay
 from __future__ import annotations
 
 import argparse
+import gc
 import json
 import logging
 import math
@@ -171,6 +172,7 @@ def _trial(setup: Setup, scenario: Scenario, number: int, pose: Pose2, *, in_map
         return _look_for_it(system, setup, number, in_map=in_map)
     finally:
         system.close()
+        gc.collect()  # a world and a station hold much, and one another
 
 
 def _settle_at_home(system: Lockstep) -> bool:
