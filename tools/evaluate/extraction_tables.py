@@ -93,7 +93,11 @@ def _table_4(data: Path, pictures: Path | None) -> list[str]:
     for name, points, nodes, connections, found, low, high, ms in _PAPER_TABLE_4:
         lines.append(f"| {name} | {points} | {nodes} | {connections} | {found} | {low} m | {high} m | {ms} | | | | |")
     lab = [_measure(f"lab view {k}", image, *lab_camera(), pictures) for k, image in enumerate(lab_frames())]
-    files = [*_kinect(data), *sorted((data / "l515").glob("*.npy.gz")), *sorted((data / "labelled_tabletop").glob("*.pcd"))]
+    files = [
+        *_kinect(data),
+        *sorted((data / "l515").glob("*.npy.gz")),
+        *sorted((data / "labelled_tabletop").glob("*.pcd")),
+    ]
     read = [_measure_file(path, pictures) for path in files]
     for group in (lab, read[:10], read[10:12], read[12:]):
         lines += [_line(row) for row in group]

@@ -118,18 +118,6 @@ def angle_at(node_m: F32, a: int, v: int, b: int) -> float:
 
 
 @njit(nogil=True, cache=True)
-def two_neighbours(linked: U8, nodes: int, v: int) -> tuple[int, int]:
-    a, b = -1, -1
-    for k in range(nodes):
-        if linked[v, k] == 1:
-            if a < 0:
-                a = k
-            else:
-                b = k
-    return a, b
-
-
-@njit(nogil=True, cache=True)
 def list_connections(linked: U8, nodes: int, pairs: I32) -> int:
     """`pairs`: (M, 2) room for the connections, lower node first; returns how many there are."""
     count = 0
