@@ -35,14 +35,14 @@ class SearchConfig:
     spacing_m: float = 0.1  # of the points, so that what is near does not count more
     min_points: int = 30
     min_score: float = 0.45  # mean likelihood
-    behind_best: float = 0.3  # what is farther below the best place is none
+    behind_best: float = 0.25  # what is farther below the best place is none
     keep_level: int = 3  # one place per square of 2**3 cells and turn
-    sums_per_step: int = 20_000
+    sums_per_step: int = 30_000
     reach_m: float = 8.0  # farther points would only ask for finer turns
     max_found: int = 4096
     apart_m: float = 0.25  # places nearer to a better one, and turned less, are the same
     apart_rad: float = math.radians(10.0)
-    max_places: int = 64
+    max_places: int = 200  # in a corridor very many look alike until their beams are judged
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ class VerifyConfig:
     min_points: int = 100  # with fewer, rooms that are not the map fit it by chance
     scan_share: float = 0.75  # of the newest scan's points that fit, each time
     confirmations: int = 3  # scans in a row that say the same
-    places_per_step: int = 16
+    places_per_step: int = 24
 
 
 @dataclass(frozen=True, slots=True)
