@@ -20,6 +20,7 @@ from PIL import Image
 from robot_app.drivers.base import DepthImage
 from shared.geometry.camera import Intrinsics
 from tools.evaluate import extraction
+from tools.evaluate._kernels import back_project, back_project_tabled
 from tools.evaluate.depth_files import DepthFileError, read_depth
 from tools.evaluate.extraction_floor import find_floor
 from tools.evaluate.pcd import decompress_lzf
@@ -240,3 +241,18 @@ def test_the_recorded_compressed_clouds_are_read() -> None:
     file = read_depth(CLOUDS / "test0.pcd")
     assert file.image.depth.shape == (480, 640)
     assert file.lens_px == pytest.approx((525, 525, 320, 240), abs=5)
+
+
+def test_both_floors_write_the_cloud_that_the_camera_model_gives() -> None:
+    lens = Intrinsics.from_field_of_view(64, 48, math.radians(70), math.radians(50))
+    depth = np.random.default_rng(1).integers(0, 9000, (48, 64)).astype(np.uint16)
+    columns, rows = lens.ray_slopes()
+    z_m = depth * 0.001
+    expected = np.stack(np.broadcast_arrays(columns * z_m, rows[:, None] * z_m, z_m), axis=2)
+    by_equation, tabled = np.zeros((48, 64, 3), np.float32), np.zeros((48, 64, 3), np.float32)
+
+    back_project(depth, 0.001, lens.fx, lens.fy, lens.cx, lens.cy, by_equation)
+    back_project_tabled(depth, 0.001, columns, rows, tabled)
+
+    np.testing.assert_allclose(by_equation, expected, atol=1e-5)
+    np.testing.assert_allclose(tabled, expected, atol=1e-5)
