@@ -10,6 +10,7 @@ import numpy as np
 from station_gui.mapping.slam2d.config import GraphSlamConfig, LocalMapConfig
 from station_gui.mapping.slam2d.graph.loop_closure import LoopCloser
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
+from station_gui.mapping.slam2d.graph.sight.sight import View, seen_through_share
 from station_gui.mapping.slam2d.keyframes import Keyframe
 from station_gui.mapping.slam2d.matching.local_map import LocalMap
 from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, ScanMatcher, to_lines
@@ -36,6 +37,8 @@ def rehearse() -> None:
     closer.share.begin(1 << 60)
     for _ in closer.look(graph, by_node, _NODES - 1):
         break
+    view = View(np.zeros(3), by_node[0][0])
+    at_once(lambda share: seen_through_share(room.points_m, np.zeros(3), [view], 0.1, 0.0, share))
     graph.add_edge(0, _NODES - 1, np.zeros(3), np.eye(3), _STEP_M, robust=True)
     graph.last_chi2(1)
     graph.optimise()

@@ -37,7 +37,7 @@ class Share:
             self.take(kernel(state, self.left))
 
 
-def at_once(make_task: Callable[[Share], Task]) -> None:
+def at_once(make_task: Callable[[Share], Iterator[object]]) -> None:
     """The whole of a task, without a pause."""
     for _ in make_task(Share(_PLENTY)):
         pass

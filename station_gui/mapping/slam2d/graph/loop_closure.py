@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from station_gui.mapping.slam2d.config import LocalMapConfig, LoopConfig
 from station_gui.mapping.slam2d.graph.places import Place, Places
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
+from station_gui.mapping.slam2d.graph.sight.sight import seen_through_share
 from station_gui.mapping.slam2d.graph.ways import _kernels
 from station_gui.mapping.slam2d.keyframes import Keyframe
-from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, ScanMatcher
+from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, Match, ScanMatcher
 from station_gui.mapping.slam2d.se2_arrays import between, compose, rotate_information
 from station_gui.mapping.slam2d.search.branch_and_bound import Search
 from station_gui.mapping.slam2d.share import Share
@@ -25,6 +26,7 @@ class Closure:
     """Node `new` lies at `measured` in the frame of node `old`; `information` (3, 3) in the frame of `old`.
 
     `searched`: the estimate was not good enough to start from, so that the place itself may be mistaken.
+    `partial`: most of what the new node saw is not known from the old one.
     """
 
     old: int
@@ -33,6 +35,7 @@ class Closure:
     information: NDArray[np.float64]
     share: float
     searched: bool
+    partial: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +131,7 @@ class LoopCloser:
                 guess,
                 candidate.shift_m,
                 config.search_turn_rad,
-                config.min_score,
+                config.min_partial_score if self._may_be_partial(candidate) else config.min_score,
                 config.max_branches,
             )
             yield from search.run(self.share)
@@ -141,12 +144,28 @@ class LoopCloser:
         self, place: Place, query: LineScan, guess: NDArray[np.float64], pair: Candidate
     ) -> Generator[None, None, Closure | None]:
         match = yield from self._matcher.refine_slowly(query, place.local_map, guess, self.share)
-        if match.share < self._config.min_inlier_share or not np.isfinite(match.pose).all():
-            return None
         moved_m = math.hypot(match.pose[0] - guess[0], match.pose[1] - guess[1])
-        if moved_m > self._config.max_refinement_m:
+        if not moved_m <= self._config.max_refinement_m:  # nor where it is not a number
             return None
-        return Closure(pair.old, pair.new, match.pose, match.information, match.share, searched=pair.shift_m > 0)
+        partial = match.share < self._config.min_inlier_share
+        if partial and not (self._may_be_partial(pair) and (yield from self._agrees(place, query, match))):
+            return None
+        searched = pair.shift_m > 0
+        return Closure(pair.old, pair.new, match.pose, match.information, match.share, searched, partial)
+
+    def _may_be_partial(self, pair: Candidate) -> bool:
+        return 0 < pair.shift_m <= self._config.max_partial_search_m
+
+    def _agrees(self, place: Place, query: LineScan, match: Match) -> Generator[None, None, bool]:
+        """Enough points hold the query, and few are where the place is known to be empty."""
+        config = self._config
+        points = float(np.linalg.eigvalsh(match.information[:2, :2])[0]) * self._matcher.noise_m**2
+        if match.share < config.min_partial_share or points < config.min_held_share * len(query.points_m):
+            return False
+        through = yield from seen_through_share(
+            query.points_m, match.pose, place.views, config.through_margin_m, config.through_margin_ratio, self.share
+        )
+        return through <= config.max_through_share * (through + match.share)
 
     def _query(self, graph: PoseGraph, by_node: list[list[Keyframe]], node: int) -> LineScan:
         """Scans of the node and its neighbours in its own frame."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from station_gui.mapping.slam2d.config import LocalMapConfig, LoopConfig
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
+from station_gui.mapping.slam2d.graph.sight.sight import View
 from station_gui.mapping.slam2d.keyframes import Keyframe
 from station_gui.mapping.slam2d.matching.local_map import LocalMap
 from station_gui.mapping.slam2d.matching.scan_matcher import ScanMatcher
@@ -20,9 +21,10 @@ from station_gui.mapping.slam2d.share import Share
 
 @dataclass(slots=True, eq=False)
 class Place:
-    """A node's surroundings in its own frame."""
+    """A node's surroundings in its own frame. `views`: some of the scans that it was drawn from."""
 
     local_map: LocalMap
+    views: list[View] = field(default_factory=list)
     pyramid: Pyramid | None = None
 
 
@@ -64,10 +66,12 @@ class Places:
         ]
         yield from place.local_map.clear_slowly(0.0, 0.0, self._share)
         for node_from_k, keyframes in waiting:
-            for keyframe in keyframes:
+            for index, keyframe in enumerate(keyframes):
                 if self._share.left <= 0:
                     yield
                 pose = compose(node_from_k, keyframe.in_node)
+                if index % self._config.view_every == 0:
+                    place.views.append(View(pose, keyframe))
                 self._share.take(place.local_map.insert(keyframe.points_m, keyframe.normals, pose))
         return place
 

@@ -95,7 +95,8 @@ class GraphUpkeep:
     def _judge(self, closure: Closure) -> None:
         """What agrees with the graph is believed; what does not needs a second closure that says the same."""
         correction = self._correction(closure)
-        if not closure.searched or np.hypot(correction[0], correction[1]) < self._loops.agreement_m:
+        near = not closure.partial and np.hypot(correction[0], correction[1]) < self._loops.agreement_m
+        if not closure.searched or near:
             self._accept([closure])
             return
         agreeing = [other for other in self._unconfirmed if other.new != closure.new and self._agree(other, closure)]

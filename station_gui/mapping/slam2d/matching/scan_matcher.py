@@ -83,6 +83,11 @@ class ScanMatcher:
         self._config = config
         self._likelihood = _likelihood_table(reach_cells, cell_m, config.inlier_m)
 
+    @property
+    def noise_m(self) -> float:
+        """Of one point: a match's information times its square counts points."""
+        return self._config.noise_m
+
     def match(
         self, scan: LineScan, local_map: LocalMap, predicted: NDArray[np.float64], prior_weight: NDArray[np.float64]
     ) -> Match:

@@ -1,0 +1,1 @@
+"""Whether one visit looked through what another saw."""
