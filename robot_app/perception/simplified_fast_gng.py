@@ -31,39 +31,28 @@ class SimplifiedFastGng:
         self._per_node = np.array(config.samples_per_node, np.float64)
         blocks = -(-max_samples // kernels.LANES)
         shape = (blocks, kernels.LANES)
-        self._point, self._place = np.zeros((2, blocks, 3, kernels.LANES), np.float32)
-        self._node_place = np.zeros((config.max_nodes, 3), np.float32)
+        self._place = np.zeros((blocks, 3, kernels.LANES), np.float32)
+        self._box = np.zeros((6, blocks), np.float32)
         self._weight, self._near, self._chance = np.zeros((3, *shape), np.float32)
-        self._curve = np.zeros(shape, np.int32)
-        self._starts = np.zeros(kernels.BUCKETS + 1, np.int32)
-        self._bound, self._top = np.zeros((2, blocks + 1), np.float32)
-        self._seen = np.zeros(blocks, np.int32)
-        self._square = np.zeros(kernels.LANES, np.float32)
+        self._heaviest, self._far, self._top, self._reach = np.zeros((4, blocks), np.float32)
+        self._hit, self._stale = np.zeros((2, blocks), np.uint8)
+        self._square = np.zeros(config.max_nodes, np.float32)
         self._gap, self._other = np.zeros(kernels.CANDIDATES, np.float32), np.zeros(kernels.CANDIDATES, np.int32)
         self._pair = np.zeros((4 * config.max_nodes, 2), np.int32)
         self._length_m = np.zeros(4 * config.max_nodes, np.float32)
         self._degrees = np.zeros(config.max_nodes, np.int32)
+        self._node_place = np.zeros((config.max_nodes, 3), np.float32)
+        self._node_axis = np.zeros((3, config.max_nodes), np.float32)
 
     def learn(self, cloud: EdgeCloud, network: Network) -> None:
         """Grow `network` anew over the samples of `cloud`."""
-        samples = self._point, self._place, self._weight, self._curve, self._bound
-        apart_m = _APART_M if self._evidence else 0.0
-        blocks = kernels.sort_samples(
+        network.nodes = kernels.grow(
             cloud.sample_m,
             cloud.sample_weight,
             cloud.sample_curve,
             cloud.samples,
             cloud.curve_detail,
-            apart_m,
-            self._starts,
-            *samples,
-        )
-        network.nodes = kernels.grow(
-            cloud.samples,
-            blocks,
-            cloud.curve_detail,
-            apart_m,
-            *samples,
+            _APART_M if self._evidence else 0.0,
             self._min_length_m,
             self._max_length_m,
             self._per_node,
@@ -75,17 +64,25 @@ class SimplifiedFastGng:
             self._evaluation.connection_step_m,
             cloud.edge_m,
             cloud.edge_at,
+            self._place,
+            self._box,
+            self._weight,
+            self._heaviest,
             self._near,
-            self._square,
+            self._far,
             self._chance,
             self._top,
-            self._seen,
+            self._reach,
+            self._hit,
+            self._stale,
+            self._square,
             self._gap,
             self._other,
             self._pair,
             self._length_m,
             self._degrees,
             self._node_place,
+            self._node_axis,
             network.node_m,
             network.node_curve,
             network.node_weight,

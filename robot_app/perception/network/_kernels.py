@@ -27,7 +27,7 @@ def separation(a_m: F32, a: int, b_m: F32, b: int) -> float:
     return math.sqrt(dx * dx + dy * dy + dz * dz)
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, inline="always")
 def near_edge(x: float, y: float, z: float, lens: F64, stride: int, reach_m: float, edge_m: F32, edge_at: I32) -> bool:
     """Whether an edge point lies within `reach_m` of a point on each axis; looks in the cells around its image.
 

@@ -198,6 +198,6 @@ def test_the_longest_connection_of_a_crowded_node_goes_first() -> None:
     node_m = np.array([(0, 0, 1), (0.1, 0, 1), (-0.2, 0, 1), (0, 0.3, 1)], np.float32)
     linked = np.zeros((4, 4), np.uint8)
     linked[0, 1:] = linked[1:, 0] = 1
-    room = np.zeros((16, 2), np.int32), np.zeros(16, np.float32), np.zeros(4, np.int32)
+    room = np.zeros((16, 2), np.int32), np.zeros(16, np.float32), linked.sum(axis=0, dtype=np.int32)
     kernels.limit_degree(node_m, linked, 4, 2, *room)
     assert linked[0].tolist() == [0, 1, 1, 0]

@@ -1,12 +1,13 @@
 """Kernels of simplified FastGNG (steps 2-7); other arguments as in `network._kernels`.
 
-The samples stand in blocks of LANES by falling weight, in rows, so that a block is computed at once:
-point: (B, 3, LANES) float32, x, y and z, m. place: (B, 3, LANES) float32, the same as the network learns it: apart from
-other curves, and the larger the finer its curve is to be drawn; node_place: (N, 3) float32, that of the nodes.
-weight: (B, LANES) float32, 0 where there is none. curve: (B, LANES) int32. bound: (B + 1,) float32, no later sample
-weighs more. near: (B, LANES) float32, dS1² (eq 13), m². chance: (B, LANES) float32, P_node (eq 12) times weight.
-top: (B,) float32, the highest chance of a block, and seen: (B,) int32, of how many nodes `near` knows, -1 before the
-first look.
+The samples stand in blocks of LANES in their order, which is along the curves, so that a block is computed at once and
+has its samples near each other. It is looked at again only when a node comes that may be the nearest one of a sample.
+place: (B, 3, LANES) float32, where the network learns a sample: apart from other curves, and the larger the finer its
+curve is to be drawn; node_place: (N, 3) float32, that of the nodes. box: (6, B) float32, the least and the greatest
+coordinates of a block's places. weight: (B, LANES) float32, 0 where there is none, and heaviest: (B,) float32.
+near: (B, LANES) float32, dS1² (eq 13), m², and far: (B,) float32, the largest. chance: (B, LANES) float32, P_node
+(eq 12) times weight, and top: (B,) float32, the highest. hit, stale: (B,) uint8, blocks to be looked at now and in the
+next phase. degrees: (N,) int32, how many connections a node has. node_axis: (3, N) float32, node_m by rows.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from robot_app.perception.network._kernels import degree, is_supported, remove_isolated, separation, set_link
+from robot_app.perception.network._kernels import is_supported, separation
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -27,8 +28,7 @@ U8 = NDArray[np.uint8]
 # Handing many arrays over costs more than what the helpers do with them (they are counted, atomically, at each call):
 # those with one caller are inlined.
 
-LANES = 32
-BUCKETS = 256
+LANES = 16
 CANDIDATES = 8  # of the older nodes, for a connection to a new one
 FAR = 1e18  # m²
 
@@ -57,178 +57,131 @@ def place_of(point_m: F32, i: int, axis: int, curve: int, curve_detail: F32, apa
     return place
 
 
-@njit(nogil=True, cache=True)
-def sort_samples(
+@njit(nogil=True, cache=True, inline="always")
+def lay_out_samples(
     sample_m: F32,
     sample_weight: F32,
     sample_curve: I32,
     samples: int,
     curve_detail: F32,
     apart_m: float,
-    starts: I32,
-    point: F32,
     place: F32,
+    box: F32,
     weight: F32,
-    curve: I32,
-    bound: F32,
+    heaviest: F32,
 ) -> int:
-    """Put the samples into blocks by falling weight, equal ones in their order; returns the number of blocks.
+    """Fill the blocks, the last one up with copies that weigh nothing; returns how many there are.
 
     `curve_detail`: (K,) by how much shorter connections may be; `apart_m`: how far from each other curves are learned.
-    `starts`: (BUCKETS + 1,) room to work in. Weights in one bucket keep their order, so `bound` is what counts.
     """
-    heaviest = 0.0
-    for i in range(samples):
-        heaviest = max(heaviest, sample_weight[i])
-    scale = (BUCKETS - 1) / heaviest if heaviest > 0.0 else 0.0
-    starts[:] = 0
-    for i in range(samples):
-        starts[BUCKETS - int(sample_weight[i] * scale)] += 1
-    for k in range(BUCKETS):
-        starts[k + 1] += starts[k]
-    for i in range(samples):
-        bucket = BUCKETS - 1 - int(sample_weight[i] * scale)
-        at = starts[bucket]
-        starts[bucket] += 1
-        b, lane = at // LANES, at % LANES
-        for axis in range(3):
-            point[b, axis, lane] = sample_m[i, axis]
-            place[b, axis, lane] = place_of(sample_m, i, axis, sample_curve[i], curve_detail, apart_m)
-        weight[b, lane] = sample_weight[i]
-        curve[b, lane] = sample_curve[i]
     blocks = (samples + LANES - 1) // LANES
-    for at in range(samples, blocks * LANES):
-        weight[blocks - 1, at % LANES] = 0.0
-        curve[blocks - 1, at % LANES] = -1
+    for at in range(blocks * LANES):
+        i = min(at, samples - 1)
+        b, lane, curve = at // LANES, at % LANES, sample_curve[i]
+        detail, aside_m = np.float32(1.0), 0.0
+        if apart_m > 0.0:  # otherwise curves are learned where they are, all with the same lengths
+            detail, aside_m = curve_detail[curve], apart_m * curve
+        place[b, 0, lane] = sample_m[i, 0] * detail + aside_m
+        place[b, 1, lane] = sample_m[i, 1] * detail
+        place[b, 2, lane] = sample_m[i, 2] * detail
+        weight[b, lane] = sample_weight[i] if at < samples else np.float32(0.0)
+    for b in range(blocks):
+        heaviest[b] = 0.0
+        for lane in range(weight.shape[1]):
+            heaviest[b] = max(heaviest[b], weight[b, lane])
         for axis in range(3):
-            place[blocks - 1, axis, at % LANES] = np.float32(0.0)
-    bound[blocks] = 0.0
-    for b in range(blocks - 1, -1, -1):
-        bound[b] = bound[b + 1]
-        for lane in range(LANES):
-            bound[b] = max(bound[b], weight[b, lane])
+            low = high = place[b, axis, 0]
+            for lane in range(weight.shape[1]):
+                low, high = min(low, place[b, axis, lane]), max(high, place[b, axis, lane])
+            box[axis, b], box[3 + axis, b] = low, high
     return blocks
 
 
 @njit(nogil=True, cache=True, inline="always")
-def _note_one(place: F32, b: int, node_place: F32, a: int, near: F32) -> None:
-    """Keep dS1² of block b up to date with node a.
+def mark_reached(box: F32, blocks: int, x: float, y: float, z: float, reach: F32, hit: U8) -> None:
+    """`hit`: 1 for the blocks whose box is no further from a place than the root of their `reach`: (B,) float32, m².
+
+    The box is never further than one of its samples by the same arithmetic: rounding keeps the order.
+    """
+    zero = np.float32(0.0)
+    for b in range(blocks):
+        dx, dy, dz = max(box[0, b] - x, x - box[3, b]), max(box[1, b] - y, y - box[4, b]), max(box[2, b] - z, z - box[5, b])
+        dx, dy, dz = max(dx, zero), max(dy, zero), max(dz, zero)
+        hit[b] = np.uint8(dx * dx + dy * dy + dz * dz <= reach[b])
+
+
+@njit(nogil=True, cache=True, inline="always")
+def _look_anew(place: F32, b: int, node_place: F32, nodes: int, near: F32, far: F32) -> None:
+    """dS1² of block b, from all nodes.
 
     The number of lanes is read from the array: a loop of a length that the compiler knows it unrolls and leaves scalar.
     """
-    x, y, z = node_place[a, 0], node_place[a, 1], node_place[a, 2]
-    for lane in range(near.shape[1]):
-        dx, dy, dz = place[b, 0, lane] - x, place[b, 1, lane] - y, place[b, 2, lane] - z
-        near[b, lane] = min(near[b, lane], dx * dx + dy * dy + dz * dz)
-
-
-@njit(nogil=True, cache=True, inline="always")
-def _note_four(place: F32, b: int, node_place: F32, a: int, near: F32) -> None:
-    """The same for the nodes a to a + 3 at once: a sample is read once for the four."""
-    x0, y0, z0 = node_place[a, 0], node_place[a, 1], node_place[a, 2]
-    x1, y1, z1 = node_place[a + 1, 0], node_place[a + 1, 1], node_place[a + 1, 2]
-    x2, y2, z2 = node_place[a + 2, 0], node_place[a + 2, 1], node_place[a + 2, 2]
-    x3, y3, z3 = node_place[a + 3, 0], node_place[a + 3, 1], node_place[a + 3, 2]
-    for lane in range(near.shape[1]):
-        x, y, z = place[b, 0, lane], place[b, 1, lane], place[b, 2, lane]
-        u0, v0, w0, u1, v1, w1 = x - x0, y - y0, z - z0, x - x1, y - y1, z - z1
-        u2, v2, w2, u3, v3, w3 = x - x2, y - y2, z - z2, x - x3, y - y3, z - z3
-        first = min(u0 * u0 + v0 * v0 + w0 * w0, u1 * u1 + v1 * v1 + w1 * w1)
-        last = min(u2 * u2 + v2 * v2 + w2 * w2, u3 * u3 + v3 * v3 + w3 * w3)
-        near[b, lane] = min(near[b, lane], first, last)
-
-
-@njit(nogil=True, cache=True, inline="always")
-def _look_again(
-    place: F32,
-    weight: F32,
-    b: int,
-    node_place: F32,
-    seen: int,
-    nodes: int,
-    min_m: float,
-    max_m: float,
-    beta: float,
-    near: F32,
-    before: F32,
-    chance: F32,
-    top: float,
-) -> float:
-    """Bring block b up to date, which knows the first `seen` nodes, -1 for nothing at all; returns its highest chance,
-    which was `top`."""
     lanes = near.shape[1]
     for lane in range(lanes):
-        before[lane] = near[b, lane]
-    node = max(seen, 0)
-    while node + 4 <= nodes:
-        _note_four(place, b, node_place, node, near)
-        node += 4
-    while node < nodes:
-        _note_one(place, b, node_place, node, near)
-        node += 1
-    changed = seen < 0
+        near[b, lane] = FAR
+    for a in range(nodes):
+        x, y, z = node_place[a, 0], node_place[a, 1], node_place[a, 2]
+        for lane in range(lanes):
+            dx, dy, dz = place[b, 0, lane] - x, place[b, 1, lane] - y, place[b, 2, lane] - z
+            near[b, lane] = min(near[b, lane], dx * dx + dy * dy + dz * dz)
+    furthest = near[b, 0]
     for lane in range(lanes):
-        changed |= near[b, lane] != before[lane]
-    if not changed:
-        return top
-    node_chances(near, weight, b, min_m, max_m, beta, chance)
-    top = 0.0
-    for lane in range(lanes):
-        top = max(top, chance[b, lane])
-    return top
+        furthest = max(furthest, near[b, lane])
+    far[b] = furthest
 
 
 @njit(nogil=True, cache=True, inline="always")
-def best_sample(
-    place: F32,
-    weight: F32,
-    bound: F32,
-    blocks: int,
-    node_place: F32,
-    nodes: int,
-    min_m: float,
-    max_m: float,
-    beta: float,
-    near: F32,
-    square: F32,
-    chance: F32,
-    top: F32,
-    seen: I32,
-) -> int:
-    """The sample with the highest P_node times weight; -1 when none may be added.
+def _note_node(place: F32, b: int, x: float, y: float, z: float, near: F32, far: F32) -> bool:
+    """Keep dS1² of block b up to date with a new node; returns whether anything changed."""
+    changed, furthest = False, np.float32(0.0)
+    for lane in range(near.shape[1]):
+        dx, dy, dz = place[b, 0, lane] - x, place[b, 1, lane] - y, place[b, 2, lane] - z
+        square, before = dx * dx + dy * dy + dz * dz, near[b, lane]
+        changed |= square < before
+        near[b, lane] = min(before, square)
+        furthest = max(furthest, near[b, lane])
+    far[b] = furthest
+    return changed
 
-    P_node is 1 at most: blocks whose weights are below the best so far need not be looked at, nor those where no
-    sample had a chance, for within a phase none comes back.
-    """
-    best, best_chance = -1, 0.0
+
+@njit(nogil=True, cache=True, inline="always")
+def _highest(chance: F32, b: int) -> float:
+    highest = np.float32(0.0)
+    for lane in range(chance.shape[1]):
+        highest = max(highest, chance[b, lane])
+    return highest
+
+
+@njit(nogil=True, cache=True, inline="always")
+def best_sample(chance: F32, top: F32, blocks: int) -> int:
+    """The sample with the highest P_node times weight, the first of several; -1 when none may be added."""
+    best, best_chance = -1, np.float32(0.0)
     for b in range(blocks):
-        if bound[b] <= best_chance:
-            break
-        if seen[b] >= 0 and top[b] == 0.0:
-            continue
-        if seen[b] < nodes:
-            top[b] = _look_again(
-                place, weight, b, node_place, seen[b], nodes, min_m, max_m, beta, near, square, chance, top[b]
-            )
-            seen[b] = nodes
         if top[b] > best_chance:
-            best_chance = top[b]
-            lane = 0
-            while chance[b, lane] != top[b]:
-                lane += 1
-            best = b * LANES + lane
-    return best
+            best, best_chance = b, top[b]
+    if best < 0:
+        return -1
+    lane = 0
+    while chance[best, lane] != best_chance:
+        lane += 1
+    return best * LANES + lane
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, inline="always")
+def _set_link(linked: U8, degrees: I32, a: int, b: int, value: int) -> None:
+    if linked[a, b] != value:
+        linked[a, b] = linked[b, a] = value
+        degrees[a] += 2 * value - 1
+        degrees[b] += 2 * value - 1
+
+
+@njit(nogil=True, cache=True, inline="always")
 def limit_degree(node_m: F32, linked: U8, nodes: int, most: int, pair: I32, length_m: F32, degrees: I32) -> None:
     """Step 6: while a node has more than `most` connections, the longest one of such a node goes.
 
     What is no such connection does not become one, so all are looked at once, the longest first.
-    `pair`: (M, 2), `length_m`: (M,), `degrees`: (N,) room to work in; what finds no room in it goes at once.
+    `pair`: (M, 2), `length_m`: (M,) room to work in; what finds no room in it goes at once.
     """
-    for a in range(nodes):
-        degrees[a] = degree(linked, nodes, a)
     count = 0
     for a in range(nodes):
         if degrees[a] <= most:
@@ -237,9 +190,7 @@ def limit_degree(node_m: F32, linked: U8, nodes: int, most: int, pair: I32, leng
             if linked[a, b] == 0 or (b < a and degrees[b] > most):
                 continue
             if count == length_m.shape[0]:
-                set_link(linked, a, b, 0)
-                degrees[a] -= 1
-                degrees[b] -= 1
+                _set_link(linked, degrees, a, b, 0)
                 continue
             gap_m = separation(node_m, a, node_m, b)
             k = count
@@ -251,14 +202,35 @@ def limit_degree(node_m: F32, linked: U8, nodes: int, most: int, pair: I32, leng
     for k in range(count):
         a, b = pair[k, 0], pair[k, 1]
         if degrees[a] > most or degrees[b] > most:
-            set_link(linked, a, b, 0)
-            degrees[a] -= 1
-            degrees[b] -= 1
+            _set_link(linked, degrees, a, b, 0)
+
+
+@njit(nogil=True, cache=True, inline="always")
+def drop_isolated(
+    node_m: F32, node_place: F32, node_curve: I32, node_weight: F32, linked: U8, degrees: I32, nodes: int
+) -> int:
+    """Step 7: nodes without a connection go; the others keep their order. Returns how many are left."""
+    kept = 0
+    for a in range(nodes):
+        if degrees[a] == 0:
+            continue
+        if kept != a:
+            node_curve[kept], node_weight[kept] = node_curve[a], node_weight[a]
+            for axis in range(3):
+                node_m[kept, axis], node_place[kept, axis] = node_m[a, axis], node_place[a, axis]
+            for b in range(nodes):
+                if linked[a, b] == 1:
+                    linked[a, b] = linked[b, a] = 0
+                    linked[kept, b] = linked[b, kept] = 1
+            degrees[kept] = degrees[a]
+        kept += 1
+    return kept
 
 
 @njit(nogil=True, cache=True, inline="always")
 def nearest_two(
     node_m: F32,
+    node_axis: F32,
     node_curve: I32,
     r: int,
     limit_m: float,
@@ -268,6 +240,7 @@ def nearest_two(
     step_m: float,
     edge_m: F32,
     edge_at: I32,
+    square: F32,
     gap: F32,
     other: I32,
     evidence: bool,
@@ -275,24 +248,25 @@ def nearest_two(
     """s1 and s2 (eqs 13 and 18), the nearest two of the older nodes; -1 for none.
 
     With `evidence` those that edge points lead to from node r, among the nearest CANDIDATES on its own edge curve.
-    `gap`, `other`: (CANDIDATES,) room for them.
+    `gap`, `other`: (CANDIDATES,), `square`: (N,) room for them and for the squared distances.
     """
-    count = 0
+    count, most = 0, CANDIDATES if evidence else 2
     furthest = np.float32(limit_m * limit_m) if evidence else np.float32(FAR)
-    x, y, z = node_m[r, 0], node_m[r, 1], node_m[r, 2]
+    x, y, z, curve = node_m[r, 0], node_m[r, 1], node_m[r, 2], node_curve[r]
     for k in range(r):
-        dx, dy, dz = node_m[k, 0] - x, node_m[k, 1] - y, node_m[k, 2] - z
-        square = dx * dx + dy * dy + dz * dz
-        if square >= furthest or (evidence and node_curve[k] != node_curve[r]):
+        dx, dy, dz = node_axis[0, k] - x, node_axis[1, k] - y, node_axis[2, k] - z
+        square[k] = dx * dx + dy * dy + dz * dz
+    for k in range(r):
+        if square[k] >= furthest or (evidence and node_curve[k] != curve):
             continue
-        slot = min(count, CANDIDATES - 1)
-        while slot > 0 and gap[slot - 1] > square:
+        slot = min(count, most - 1)
+        while slot > 0 and gap[slot - 1] > square[k]:
             gap[slot], other[slot] = gap[slot - 1], other[slot - 1]
             slot -= 1
-        gap[slot], other[slot] = square, k
-        count = min(count + 1, CANDIDATES)
-        if count == CANDIDATES:
-            furthest = gap[CANDIDATES - 1]
+        gap[slot], other[slot] = square[k], k
+        count = min(count + 1, most)
+        if count == most:
+            furthest = gap[most - 1]
     s1 = -1
     for slot in range(count):
         if not evidence or is_supported(node_m, other[slot], r, lens, stride, reach_m, step_m, edge_m, edge_at):
@@ -303,82 +277,84 @@ def nearest_two(
 
 
 @njit(nogil=True, cache=True, inline="always")
-def add_node(
+def _apart_m(node_m: F32, a: int, b: int) -> float:
+    dx, dy, dz = node_m[a, 0] - node_m[b, 0], node_m[a, 1] - node_m[b, 1], node_m[a, 2] - node_m[b, 2]
+    return math.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@njit(nogil=True, cache=True, inline="always")
+def connect_new(
     node_m: F32,
-    node_curve: I32,
     linked: U8,
+    degrees: I32,
     r: int,
-    limit_m: float,
+    s1: int,
+    s2: int,
     lens: F64,
     stride: int,
     reach_m: float,
     step_m: float,
     edge_m: F32,
     edge_at: I32,
-    gap: F32,
-    other: I32,
     evidence: bool,
 ) -> None:
     """Step 5 (eqs 19-22): connect node r, which is new; with `evidence` only where edge points lie."""
-    s1, s2 = nearest_two(
-        node_m, node_curve, r, limit_m, lens, stride, reach_m, step_m, edge_m, edge_at, gap, other, evidence
-    )
-    if s1 < 0:
-        return
-    set_link(linked, s1, r, 1)
-    if s2 < 0:
-        return
-    ds12 = separation(node_m, s1, node_m, s2)
-    if separation(node_m, s1, node_m, r) < ds12 and separation(node_m, s2, node_m, r) < ds12:
-        set_link(linked, s2, r, 1)
-        set_link(linked, s1, s2, 0)
-    elif linked[s1, s2] == 0 and (
-        not evidence or is_supported(node_m, s1, s2, lens, stride, reach_m, step_m, edge_m, edge_at)
-    ):
-        set_link(linked, s1, s2, 1)
+    degrees[r] = 0
+    if s1 >= 0:
+        _set_link(linked, degrees, s1, r, 1)
+    if s2 >= 0:
+        ds12 = _apart_m(node_m, s1, s2)
+        if _apart_m(node_m, s1, r) < ds12 and _apart_m(node_m, s2, r) < ds12:
+            _set_link(linked, degrees, s2, r, 1)
+            _set_link(linked, degrees, s1, s2, 0)
+        elif linked[s1, s2] == 0 and (
+            not evidence or is_supported(node_m, s1, s2, lens, stride, reach_m, step_m, edge_m, edge_at)
+        ):
+            _set_link(linked, degrees, s1, s2, 1)
 
 
 @njit(nogil=True, cache=True, inline="always")
 def _better_place(
     place: F32,
     weight: F32,
-    curve: I32,
-    bound: F32,
+    heaviest: F32,
+    hit: U8,
+    blocks: int,
+    sample_curve: I32,
     node_place: F32,
     a: int,
     own_curve: int,
     own: float,
     snap_m: float,
-    square: F32,
 ) -> int:
-    """The heaviest sample within `snap_m` of node a on its curve, if it weighs 1.2 times as much; -1 otherwise."""
+    """The heaviest sample within `snap_m` of node a on its curve, if it weighs 1.2 times as much; -1 otherwise.
+
+    Only the blocks that are `hit` can have it.
+    """
     best, best_weight = -1, 1.2 * own
     x, y, z = node_place[a, 0], node_place[a, 1], node_place[a, 2]
     limit = np.float32(snap_m * snap_m)
-    lanes = weight.shape[1]
-    for b in range(weight.shape[0]):
-        if bound[b] <= best_weight:
-            break
-        within = False
-        for lane in range(lanes):
-            dx, dy, dz = place[b, 0, lane] - x, place[b, 1, lane] - y, place[b, 2, lane] - z
-            square[lane] = dx * dx + dy * dy + dz * dz
-            within |= square[lane] < limit
-        if not within:
+    for b in range(blocks):
+        if hit[b] == 0 or heaviest[b] <= best_weight:
             continue
-        for lane in range(lanes):
-            if square[lane] < limit and weight[b, lane] > best_weight and curve[b, lane] == own_curve:
+        for lane in range(weight.shape[1]):
+            if weight[b, lane] <= best_weight or sample_curve[b * LANES + lane] != own_curve:
+                continue
+            dx, dy, dz = place[b, 0, lane] - x, place[b, 1, lane] - y, place[b, 2, lane] - z
+            if dx * dx + dy * dy + dz * dz < limit:
                 best, best_weight = b * LANES + lane, weight[b, lane]
     return best
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, inline="always")
 def snap_to_corners(
-    point: F32,
+    sample_m: F32,
+    sample_curve: I32,
     place: F32,
+    box: F32,
     weight: F32,
-    curve: I32,
-    bound: F32,
+    heaviest: F32,
+    blocks: int,
     snap_m: float,
     lens: F64,
     stride: int,
@@ -392,45 +368,57 @@ def snap_to_corners(
     node_weight: F32,
     linked: U8,
     nodes: int,
-    square: F32,
+    far: F32,
+    reach: F32,
+    hit: U8,
+    stale: U8,
 ) -> None:
     """Moves each node to the sample of highest weight within `snap_m` of it, if its connections stay on edges.
 
     So a node that happened to be put beside a corner does not cut it, and two frames put it in the same place.
     """
+    reach[:blocks] = np.float32(snap_m * snap_m)
     for a in range(nodes):
-        best = _better_place(place, weight, curve, bound, node_place, a, node_curve[a], node_weight[a], snap_m, square)
+        u, v, w = node_place[a, 0], node_place[a, 1], node_place[a, 2]
+        mark_reached(box, blocks, u, v, w, reach, hit)
+        best = _better_place(
+            place, weight, heaviest, hit, blocks, sample_curve, node_place, a, node_curve[a], node_weight[a], snap_m
+        )
         if best < 0:
             continue
         x, y, z = node_m[a, 0], node_m[a, 1], node_m[a, 2]
-        u, v, w = node_place[a, 0], node_place[a, 1], node_place[a, 2]
         for axis in range(3):
-            node_m[a, axis] = point[best // LANES, axis, best % LANES]
+            node_m[a, axis] = sample_m[best, axis]
             node_place[a, axis] = place[best // LANES, axis, best % LANES]
         node_weight[a], own = weight[best // LANES, best % LANES], node_weight[a]
+        stays = False
         for b in range(nodes):
-            crowded = b != a and separation(node_place, a, node_place, b) < snap_m
-            if crowded or (
-                linked[a, b] == 1 and not is_supported(node_m, a, b, lens, stride, reach_m, step_m, edge_m, edge_at)
-            ):
-                node_m[a, 0], node_m[a, 1], node_m[a, 2] = x, y, z
-                node_place[a, 0], node_place[a, 1], node_place[a, 2] = u, v, w
-                node_weight[a] = own
-                break
+            stays |= b != a and _apart_m(node_place, a, b) < snap_m
+        for b in range(nodes):
+            if linked[a, b] == 1 and not stays:
+                stays = not is_supported(node_m, a, b, lens, stride, reach_m, step_m, edge_m, edge_at)
+        if stays:
+            node_m[a, 0], node_m[a, 1], node_m[a, 2] = x, y, z
+            node_place[a, 0], node_place[a, 1], node_place[a, 2] = u, v, w
+            node_weight[a] = own
+            continue
+        mark_reached(box, blocks, u, v, w, far, hit)
+        for b in range(blocks):
+            stale[b] |= hit[b]
+        mark_reached(box, blocks, node_place[a, 0], node_place[a, 1], node_place[a, 2], far, hit)
+        for b in range(blocks):
+            stale[b] |= hit[b]
 
 
 # error_model="numpy" only leaves out the test for a division by zero, without which 16 samples go at once.
 @njit(nogil=True, cache=True, error_model="numpy")
 def grow(
+    sample_m: F32,
+    sample_weight: F32,
+    sample_curve: I32,
     samples: int,
-    blocks: int,
     curve_detail: F32,
     apart_m: float,
-    point: F32,
-    place: F32,
-    weight: F32,
-    curve: I32,
-    bound: F32,
     min_length_m: F64,
     max_length_m: F64,
     per_node: F64,
@@ -442,23 +430,31 @@ def grow(
     step_m: float,
     edge_m: F32,
     edge_at: I32,
+    place: F32,
+    box: F32,
+    weight: F32,
+    heaviest: F32,
     near: F32,
-    square: F32,
+    far: F32,
     chance: F32,
     top: F32,
-    seen: I32,
+    reach: F32,
+    hit: U8,
+    stale: U8,
+    square: F32,
     gap: F32,
     other: I32,
     pair: I32,
     length_m: F32,
     degrees: I32,
     node_place: F32,
+    node_axis: F32,
     node_m: F32,
     node_curve: I32,
     node_weight: F32,
     linked: U8,
 ) -> int:
-    """Steps 2-7 over what `sort_samples` made; returns the number of nodes.
+    """Steps 2-7; returns the number of nodes.
 
     The paper draws a sample at random and takes it with probability P_node. Here the sample with the highest
     P_node times weight is taken, which is the same preference without chance: the network grows along an edge for
@@ -472,30 +468,41 @@ def grow(
     linked[:] = 0
     if samples < 2:
         return 0
+    blocks = lay_out_samples(
+        sample_m, sample_weight, sample_curve, samples, curve_detail, apart_m, place, box, weight, heaviest
+    )
+    stale[:blocks] = 1
+    limit_m, snap_m = 1.5 * max_length_m[0], min_length_m[min_length_m.shape[0] - 1]
     for phase in range(min_length_m.shape[0]):
-        near[:blocks] = FAR
-        seen[:blocks] = -1
+        low_m, high_m = min_length_m[phase], max_length_m[phase]
+        for b in range(blocks):
+            if stale[b] == 1:
+                _look_anew(place, b, node_place, nodes, near, far)
+            stale[b] = 0
+            node_chances(near, weight, b, low_m, high_m, beta, chance)
+            top[b] = _highest(chance, b)
+        for a in range(nodes):
+            for axis in range(3):
+                node_axis[axis, a] = node_m[a, axis]
         for _ in range(math.ceil(samples / per_node[phase]) + (2 if phase == 0 else 0)):
-            if nodes == node_m.shape[0]:
-                break
-            low_m, high_m = min_length_m[phase], max_length_m[phase]
-            v = best_sample(
-                place, weight, bound, blocks, node_place, nodes, low_m, high_m, beta, near, square, chance, top, seen
-            )
-            if v < 0:
+            v = best_sample(chance, top, blocks)
+            if v < 0 or nodes == node_m.shape[0]:
                 break
             for axis in range(3):
-                node_m[nodes, axis] = point[v // LANES, axis, v % LANES]
+                node_axis[axis, nodes] = node_m[nodes, axis] = sample_m[v, axis]
                 node_place[nodes, axis] = place[v // LANES, axis, v % LANES]
-            node_curve[nodes] = curve[v // LANES, v % LANES]
-            node_weight[nodes] = weight[v // LANES, v % LANES]
-            nodes += 1
-            limit_m = 1.5 * max_length_m[0]
-            add_node(
+            node_curve[nodes], node_weight[nodes] = sample_curve[v], sample_weight[v]
+            x, y, z = node_place[nodes, 0], node_place[nodes, 1], node_place[nodes, 2]
+            mark_reached(box, blocks, x, y, z, far, hit)
+            for b in range(blocks):
+                if hit[b] == 1 and _note_node(place, b, x, y, z, near, far):
+                    node_chances(near, weight, b, low_m, high_m, beta, chance)
+                    top[b] = _highest(chance, b)
+            s1, s2 = nearest_two(
                 node_m,
+                node_axis,
                 node_curve,
-                linked,
-                nodes - 1,
+                nodes,
                 limit_m,
                 lens,
                 stride,
@@ -503,23 +510,32 @@ def grow(
                 step_m,
                 edge_m,
                 edge_at,
+                square,
                 gap,
                 other,
                 evidence,
             )
+            connect_new(
+                node_m, linked, degrees, nodes, s1, s2, lens, stride, reach_m, step_m, edge_m, edge_at, evidence
+            )
+            nodes += 1
         limit_degree(node_m, linked, nodes, 2, pair, length_m, degrees)
-        nodes = remove_isolated(node_m, node_curve, node_weight, linked, nodes)
         for a in range(nodes):
-            for axis in range(3):
-                node_place[a, axis] = place_of(node_m, a, axis, node_curve[a], curve_detail, apart_m)
+            if degrees[a] == 0:
+                mark_reached(box, blocks, node_place[a, 0], node_place[a, 1], node_place[a, 2], far, hit)
+                for b in range(blocks):
+                    stale[b] |= hit[b]
+        nodes = drop_isolated(node_m, node_place, node_curve, node_weight, linked, degrees, nodes)
         if evidence:
             snap_to_corners(
-                point,
+                sample_m,
+                sample_curve,
                 place,
+                box,
                 weight,
-                curve,
-                bound,
-                min_length_m[min_length_m.shape[0] - 1],
+                heaviest,
+                blocks,
+                snap_m,
                 lens,
                 stride,
                 reach_m,
@@ -532,6 +548,9 @@ def grow(
                 node_weight,
                 linked,
                 nodes,
-                square,
+                far,
+                reach,
+                hit,
+                stale,
             )
     return nodes
