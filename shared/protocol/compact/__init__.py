@@ -1,0 +1,1 @@
+"""Profile COMPACT: observations predicted from what the other side already has, and only the surprise sent."""

@@ -1,0 +1,97 @@
+"""Datagrams to observations; foreign, damaged, repeated and outdated ones are counted and dropped, never an error."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+
+import numpy as np
+
+from shared.messages import Observation
+from shared.protocol.compact.encoder import HEAD_BYTES, KEYFRAME, NUMBERS, WINDOW, check_of
+from shared.protocol.compact.model import Coding
+from shared.protocol.compact.state import State, Unfit
+from shared.protocol.compact.walk import code_observation
+
+_LONGEST_BYTES = 65_000
+_WANTS_KEYFRAME = 0x10
+
+
+@dataclass(slots=True)
+class CompactCounts:
+    """What came in."""
+
+    good: int = 0
+    keyframes: int = 0  # of the good ones
+    damaged: int = 0  # the check is wrong, or the values are none
+    without_base: int = 0  # predicted from what this side does not have
+    outdated: int = 0  # older than what came last, or that again
+    reduced: int = 0  # of the good ones: detail was left out
+
+
+class Decoder:
+    """One session's receiving side."""
+
+    def __init__(self) -> None:
+        self.counts = CompactCounts()
+        self._states: OrderedDict[int, State] = OrderedDict()
+        self._newest: int | None = None
+        self._lost = False
+
+    def decode(self, datagram: bytes) -> Observation | None:
+        """The observation, or None. Never raises."""
+        if not HEAD_BYTES <= len(datagram) <= _LONGEST_BYTES or self._head_is_none(datagram[0]):
+            self.counts.damaged += 1
+            return None
+        base = self._base(datagram[0])
+        if base is None:
+            self.counts.without_base += 1
+            self._lost = True
+            return None
+        state = base.copy()
+        payload = np.frombuffer(datagram, np.uint8)[HEAD_BYTES:].copy()
+        try:
+            observation, level, _ = code_observation(
+                Coding(state.model, payload, len(payload), reading=True), state, None
+            )
+        except Unfit:
+            self.counts.damaged += 1
+            return None
+        check = int.from_bytes(datagram[1:HEAD_BYTES], "little")
+        if check != check_of(datagram[:1] + datagram[HEAD_BYTES:], state):
+            self.counts.damaged += 1
+            return None
+        return self._accept(datagram[0], state, observation, level)
+
+    def feedback(self) -> bytes:
+        """Three bytes for `Encoder.acknowledge`: the newest state that is here, or that a keyframe is wanted."""
+        if self._newest is None or self._lost:
+            return bytes((_WANTS_KEYFRAME, 0, 0))
+        return bytes((self._newest,)) + (self._states[self._newest].digest & 0xFFFF).to_bytes(2, "little")
+
+    def _head_is_none(self, head: int) -> bool:
+        return bool(head & KEYFRAME) and bool(head & 0x07)
+
+    def _base(self, head: int) -> State | None:
+        if head & KEYFRAME:
+            return State.initial()
+        return self._states.get(((head >> 3) - 1 - (head & 0x07)) % NUMBERS)
+
+    def _accept(self, head: int, state: State, observation: Observation, level: int) -> Observation | None:
+        newest = self._states[self._newest] if self._newest is not None else None
+        if newest is not None and newest.boot_id == state.boot_id and state.sequence <= newest.sequence:
+            self.counts.outdated += 1
+            return None
+        number = head >> 3 & 0x0F
+        if head & KEYFRAME:
+            self.counts.keyframes += 1
+            self._states.clear()
+        self._states[number] = state
+        self._states.move_to_end(number)
+        while len(self._states) > WINDOW:
+            self._states.popitem(last=False)
+        self._newest = number
+        self._lost = False
+        self.counts.good += 1
+        self.counts.reduced += level > 0
+        return observation

@@ -1,0 +1,1 @@
+"""Binary decisions, coded by mixing what many contexts expect of them."""

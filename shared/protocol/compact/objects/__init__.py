@@ -1,0 +1,1 @@
+"""The symbols of an object network, against those that the other side already has."""

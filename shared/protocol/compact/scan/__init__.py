@@ -1,0 +1,1 @@
+"""The symbols of a scan, against its predictions."""
