@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.messages import Observation, ScanGeometry
-from shared.protocol.compact.fit import fit
+from shared.protocol.compact.fitting.fit import fit
 from shared.protocol.compact.model import Coding
 from shared.protocol.compact.objects.match import choose
 from shared.protocol.compact.objects.walk import MOST_NEW, NetworkChoice
@@ -114,7 +114,7 @@ class _Sending:
                 self.shift = (0, 0, 0)
             else:
                 found = fit(state.scans[0], pose, motion, sweep.mount, self.ranges_mm)
-                self.shift = quantised_correction(found - pose, int(pose[2]))
+                self.shift = quantised_correction(found, int(pose[2]))
         return self.shift
 
     def network(self, state: State) -> NetworkChoice | None:

@@ -44,9 +44,10 @@ def _pair(a: int, b: int) -> tuple[int, int]:
 def _matches(places_mm: NDArray[np.float64], store: Store) -> IntArray:
     """(N,) the stored node that stands for each, -1 where none does; nearest pairs first, each once."""
     taken = np.full(len(places_mm), -1, np.int64)
-    held = np.flatnonzero(store.used > 0)
-    if len(held) == 0 or len(places_mm) == 0:
+    if len(places_mm) == 0:
         return taken
+    low, high = places_mm.min(axis=0) - _NEAR_MM, places_mm.max(axis=0) + _NEAR_MM
+    held = np.flatnonzero((store.used > 0) & ((store.places >= low) & (store.places <= high)).all(axis=1))
     distance = np.linalg.norm(places_mm[:, None, :] - store.places[None, held, :], axis=2)
     near = distance <= _NEAR_MM
     rank = distance + np.where(store.last[held] == 1, 0.0, _NEW_TO_LAST_MM)
@@ -103,15 +104,16 @@ def _grow(
 
 def _stored_edges(store: Store, taken: IntArray, edges: set[tuple[int, int]]) -> tuple[set[tuple[int, int]], IntArray]:
     """The edges that the store has, and (EDGES,) 1 for each stored one that is wanted."""
-    node_of = {slot: node for node, slot in enumerate(taken.tolist()) if slot >= 0}
-    keep = np.zeros(len(store.edges), np.int64)
-    found = set()
-    for e, (a, b, _) in enumerate(store.edges.tolist()):
-        if a in node_of and b in node_of:
-            pair = (min(node_of[a], node_of[b]), max(node_of[a], node_of[b]))
-            if pair in edges and pair not in found:
-                keep[e] = 1
-                found.add(pair)
+    node_of = np.full(NODES + 1, -1, np.int64)
+    node_of[taken[taken >= 0]] = np.flatnonzero(taken >= 0)
+    ends = np.sort(node_of[store.edges[:, :2]], axis=1)
+    keep = np.zeros(len(ends), np.int64)
+    found: set[tuple[int, int]] = set()
+    for e in np.flatnonzero(ends[:, 0] >= 0).tolist():
+        pair = (int(ends[e, 0]), int(ends[e, 1]))
+        if pair in edges and pair not in found:
+            keep[e] = 1
+            found.add(pair)
     return found, keep
 
 

@@ -15,7 +15,7 @@ from shared.protocol.compact.state import HEADING_UNIT, NODES, State
 
 IntArray = NDArray[np.int64]
 
-STEP_MM = 12  # of the grid that nodes are put on
+STEP_MM = 16  # of the grid that nodes are put on: at most 13.9 mm off
 MOST_NEW = 255
 _HAS_OBJECTS = 11
 
