@@ -21,7 +21,8 @@ _IN_UNITS = np.array((1.0, 1.0, UNITS_PER_RAD))
 def fit(scan: IntArray, pose: IntArray, motion: IntArray, mount: IntArray, ranges_mm: IntArray) -> NDArray[np.float64]:
     """(3,) by how much to shift `pose`, in its units, so that the ranges come near what the stored scan lets expect."""
     rays, hits = np.zeros((len(ranges_mm), 4), np.int64), np.zeros((len(ranges_mm), 4), np.int64)
-    sums, shift = np.zeros((3, 4)), np.zeros(3)
+    sums = np.zeros((3, 4))
+    shift: NDArray[np.float64] = np.zeros(3)
     trust = (_NOISE / _PRIOR) ** 2
     for kernel in _KERNELS:
         moved = pose + np.round(shift * _IN_UNITS).astype(np.int64)
@@ -29,4 +30,4 @@ def fit(scan: IntArray, pose: IntArray, motion: IntArray, mount: IntArray, range
         casting.cast(scan, rays, motion, tables.ATAN, hits)
         add_up(rays, hits, moved, ranges_mm, kernel, sums)
         shift = shift + np.linalg.solve(sums[:, :3] + np.diag(trust), sums[:, 3] - trust * shift)
-    return shift * _IN_UNITS
+    return np.asarray(shift * _IN_UNITS)
