@@ -10,18 +10,48 @@ import pytest
 
 from shared.link.base import Link, LinkError
 from shared.link.loopback import loopback_pair
+from shared.link.radio_pair.link import RadioPair
 from shared.link.tcp import TcpClientLink, TcpServerLink
 from shared.runtime.clock import ManualClock
+from tools.simulator.radio.pair_rig import PairRig
 
 Ends = tuple[Link, Link]
 
 
-@pytest.fixture(params=["loopback", "tcp"])
+class SteppedEnd:
+    """One side of a radio pair, whose waits move the manual clock."""
+
+    def __init__(self, rig: PairRig, link: RadioPair) -> None:
+        self._rig = rig
+        self._link = link
+        self.statistics = link.statistics
+        self.send, self.close = link.send, link.close
+
+    @property
+    def connected(self) -> bool:
+        return self._link.connected
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        until_s = self._rig.clock.now_s() + timeout_s
+        while (datagram := self._link.receive(0.0)) is None and self._rig.clock.now_s() < until_s:
+            self._rig.run(min(0.05, until_s - self._rig.clock.now_s()))
+        return datagram
+
+
+def radio_ends() -> Ends:
+    rig = PairRig(1)
+    rig.connect()
+    return SteppedEnd(rig, rig.robot), SteppedEnd(rig, rig.station)
+
+
+@pytest.fixture(params=["loopback", "tcp", "radio"])
 def ends(request: pytest.FixtureRequest) -> Iterator[Ends]:
     robot: Link
     station: Link
     if request.param == "loopback":
         robot, station = loopback_pair()
+    elif request.param == "radio":
+        robot, station = radio_ends()
     else:
         robot = TcpServerLink("127.0.0.1", 0, ManualClock())
         station = TcpClientLink("127.0.0.1", robot.port, 2.0)

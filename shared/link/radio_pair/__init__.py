@@ -1,0 +1,1 @@
+"""Two LoRa modules of each side as one link."""
