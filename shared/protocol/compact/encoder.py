@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import zlib
 from collections import OrderedDict
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,21 +46,26 @@ _FAR_MM = 65_000
 
 @dataclass(frozen=True, slots=True)
 class Detail:
-    """How much is left out to meet a budget: new nodes beyond a number, differences of ranges up to `slack_mm`."""
+    """What may be left out to meet a budget: new nodes and beams that nothing is known of, beyond a number of them;
+    differences from the expected ranges up to `slack_mm`. What was left out follows with the next observations.
+    """
 
-    most_new_nodes: int
-    slack_mm: int
-    beams_apart: int = 1  # of every so many beams that nothing is known of, one is sent
+    new_nodes: int = MOST_NEW
+    new_beams: int = MOST_BEAMS
+    slack_mm: int = 0
 
 
 DETAILS = (
-    Detail(MOST_NEW, 0),
-    Detail(8, 0),
-    Detail(0, 0),
-    Detail(0, 20),
-    Detail(0, 40),
-    Detail(0, 80, 2),
-    Detail(0, 160, 4),
+    Detail(),
+    Detail(12),
+    Detail(4),
+    Detail(1),
+    Detail(0),
+    Detail(0, 64),
+    Detail(0, 32),
+    Detail(0, 16, 21),
+    Detail(0, 8, 42),
+    Detail(0, 4, 84),
 )
 
 
@@ -83,11 +88,8 @@ class _Sending:
     step_mm: int
     ranges_mm: IntArray
     observation: Observation
-    slack_mm: int = 0
-    level: int = 0
-    most_new_nodes: int = MOST_NEW
+    level: int = 0  # of `DETAILS`
     shift: tuple[int, int, int] | None = None
-    complete: bool = field(default=True)
 
     @staticmethod
     def of(observation: Observation) -> _Sending:
@@ -117,10 +119,20 @@ class _Sending:
                 self.shift = quantised_correction(found, int(pose[2]))
         return self.shift
 
+    @property
+    def slack_mm(self) -> int:
+        return DETAILS[self.level].slack_mm
+
+    def shown(self, expected_mm: IntArray) -> IntArray:
+        """The ranges without those that are one too many of which nothing is known."""
+        new = (expected_mm == 0) & (self.ranges_mm > 0)
+        return np.where(new & (np.cumsum(new) > DETAILS[self.level].new_beams), 0, self.ranges_mm)
+
     def network(self, state: State) -> NetworkChoice | None:
         if not self.observation.has_objects:
             return None
-        choice, self.complete = choose(self.observation.objects, state, self.most_new_nodes)
+        choice, complete = choose(self.observation.objects, state, DETAILS[self.level].new_nodes)
+        self.level = max(self.level, int(not complete))
         return choice
 
 
@@ -196,25 +208,19 @@ class Encoder:
         return encoded
 
     def _attempt(self, sending: _Sending, level: int) -> tuple[Encoded, State]:
-        detail = DETAILS[level]
         base = self._base_state()
         state = base.copy() if base is not None else State.initial()
-        sending.slack_mm, sending.most_new_nodes, sending.level = detail.slack_mm, detail.most_new_nodes, level
-        full = sending.ranges_mm
-        if detail.beams_apart > 1:
-            sending.ranges_mm = np.where(np.arange(len(full)) % detail.beams_apart == 0, full, 0)
+        sending.level = level
         coding = Coding(state.model, np.zeros(_LARGEST_BYTES, np.uint8), _LARGEST_BYTES, reading=False)
         try:
             _, _, sizes = code_observation(coding, state, sending)
         except Unfit as error:
             raise ValueError(str(error)) from error
-        finally:
-            sending.ranges_mm = full
         payload = coding.finish()
         head = KEYFRAME | self._number << 3 if base is None else self._number << 3 | self._distance()
         check = check_of(bytes((head,)) + payload, state).to_bytes(2, "little")
         datagram = bytes((head,)) + check + payload
-        return Encoded(datagram, self._number, base is None, level, sizes), state
+        return Encoded(datagram, self._number, base is None, sending.level, sizes), state
 
     def _distance(self) -> int:
         return (self._number - 1 - (self._base or 0)) % NUMBERS

@@ -44,11 +44,15 @@ class Choice(Protocol):
     speed: int
     turn_rate: int
     step_mm: int
-    slack_mm: int
     level: int
     ranges_mm: IntArray
 
+    @property
+    def slack_mm(self) -> int: ...
+
     def correction(self, state: State, pose: IntArray, motion: IntArray, sweep: Sweep) -> tuple[int, int, int]: ...
+
+    def shown(self, expected_mm: IntArray) -> IntArray: ...
 
     def network(self, state: State) -> NetworkChoice | None: ...
 
@@ -71,13 +75,13 @@ def code_observation(coding: Coding, state: State, choice: Choice | None) -> tup
     sweep = _code_head(coding, state, choice)
     was = state.odom
     _code_pose(coding, state, choice)
-    level = coding.number(choice.level if choice else 0, _LEVEL, 3)
     motion = sweep.motion(state.speed, state.turn_rate)
     turned = _code_correction(coding, state, choice, was, motion, sweep)
     sizes.pose = coding.bytes_so_far
     ranges_mm = _code_scan(coding, state, choice, turned, motion, sweep)
     sizes.scan = coding.bytes_so_far
     network = code_objects(coding, state, choice.network(state) if choice else None)
+    level = coding.number(choice.level if choice else 0, _LEVEL, 4)
     sizes.objects = coding.bytes_so_far
     state.number += 1
     state.seal()
@@ -213,7 +217,7 @@ def _code_scan(
     casting.aim(pose, motion, sweep.mount, tables.SINE, rays)
     casting.look(state.scans, rays, motion, tables.ATAN, hits, views)
     shift = -((2 * turned * 4096 + sweep.step) // (2 * sweep.step))
-    ranges_mm = choice.ranges_mm if choice is not None else np.zeros(beams, np.int64)
+    ranges_mm = choice.shown(views[:, 0]) if choice is not None else np.zeros(beams, np.int64)
     scanning.code_scan(
         coding.coder, coding.data, ranges_mm, state.step_mm, choice.slack_mm if choice else 0,
         views, state.before_mm, shift, *coding.arrays, decoded,
