@@ -11,6 +11,7 @@ node_m: (N, 3) float32. linked: (N, N) uint8, symmetric, 1 where two nodes are c
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -22,11 +23,16 @@ I32 = NDArray[np.int32]
 U8 = NDArray[np.uint8]
 U16 = NDArray[np.uint16]
 
+# Without numba's memory management a kernel that would allocate does not compile, and an array that is handed to a
+# helper is not counted, atomically, at each call: a quarter of the time of learning. Numba has the option for its own
+# use; both lock files name the release that this is tested with.
+UNCOUNTED: dict[str, Any] = {"_nrt": False}
+
 MISSING = -1.0  # no neighbour is known: the image ends there, or an unexplained hole
 OPEN = 1e6  # nothing is there up to the end of the range, m
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def decimate(depth: U16, unit_m: float, stride: int, near_m: float, far_m: float, z: F32) -> int:
     """Fill `z` with every stride-th pixel in range; returns how many there are."""
     count = 0
@@ -42,7 +48,7 @@ def decimate(depth: U16, unit_m: float, stride: int, near_m: float, far_m: float
     return count
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def find_open(z: F32, min_cells: int, open_rows: I32) -> None:
     """`open_rows`: (C,) how many cells from the top of a column look into open space.
 
@@ -55,7 +61,7 @@ def find_open(z: F32, min_cells: int, open_rows: I32) -> None:
         open_rows[j] = run if min_cells <= run < z.shape[0] else 0
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def edge_measure(inner_m: float, outer_m: float, alpha: float) -> float:
     """P_edge of one axis (eqs 8 and 9): positive where one neighbour is 1 + alpha times as far as the other."""
     difference = abs(inner_m - outer_m)
@@ -63,7 +69,7 @@ def edge_measure(inner_m: float, outer_m: float, alpha: float) -> float:
     return measure
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _between(z: F32, sx: F32, sy: F32, stride: int, i: int, j: int, k: int, m: int) -> float:
     """Distance of the points of cells (i, j) and (k, m), m (eqs 10 and 11)."""
     half = stride // 2
@@ -73,7 +79,7 @@ def _between(z: F32, sx: F32, sy: F32, stride: int, i: int, j: int, k: int, m: i
     return math.sqrt(dx * dx + dy * dy + (za - zb) ** 2)
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _outer_distance(
     z: F32, sx: F32, sy: F32, stride: int, open_rows: I32, max_hole: int, i: int, j: int, di: int, dj: int, inner: float
 ) -> tuple[float, float]:
@@ -99,7 +105,7 @@ def _outer_distance(
     return best, deeper
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _surface_slope(z: F32, i: int, j: int, di: int, dj: int, slack_m: float) -> float:
     """Change of inverse depth with a cell towards (di, dj), over up to four cells of the surface behind (i, j)."""
     q = 1.0 / z[i, j]
@@ -114,7 +120,7 @@ def _surface_slope(z: F32, i: int, j: int, di: int, dj: int, slack_m: float) -> 
     return slope
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _last_of_surface(
     depth: U16, unit_m: float, i: int, j: int, di: int, dj: int, steps: int, q: float, slope: float, tolerance: float
 ) -> int:
@@ -135,7 +141,7 @@ def _last_of_surface(
     return last
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _put(edge_m: F32, edge_at: I32, count: int, i: int, j: int, x: float, y: float, z: float) -> int:
     """Keep an edge point in cell (i, j), the nearest one of several, while there is room; returns the new count."""
     index = edge_at[i, j]
@@ -151,20 +157,21 @@ def _put(edge_m: F32, edge_at: I32, count: int, i: int, j: int, x: float, y: flo
     return count
 
 
-@njit(nogil=True, cache=True)
-def mark_steps(z: F32, factor: float, step: U8) -> None:
-    """`step`: (R, C), 0 where the two neighbours in each of the four directions are known and no further away than
-    `factor` times as far. Most of an image is so, and many cells are asked at once; the two rows and columns along the
-    border are not asked."""
-    columns = z.shape[1]
-    size = z.size
-    flat, out = z.ravel(), step.ravel()[2 * columns : size - 2 * columns]
+@njit(nogil=True, cache=True, **UNCOUNTED)
+def mark_steps(flat: F32, columns: int, cell_width: float, alpha: float, step: U8) -> None:
+    """`step`: (R * C,), 0 where the two neighbours in each of the four directions are known and not much further away.
+
+    Most of an image is so, and many cells are asked at once; the two rows and columns along the border are not asked.
+    `flat`: z, row after row.
+    """
+    size = flat.size
+    out = step[2 * columns : size - 2 * columns]
     middle = flat[2 * columns : size - 2 * columns]
     left, left2 = flat[2 * columns - 1 : size - 2 * columns - 1], flat[2 * columns - 2 : size - 2 * columns - 2]
     right, right2 = flat[2 * columns + 1 : size - 2 * columns + 1], flat[2 * columns + 2 : size - 2 * columns + 2]
     above, above2 = flat[columns : size - 3 * columns], flat[: size - 4 * columns]
     below, below2 = flat[3 * columns : size - columns], flat[4 * columns :]
-    ratio = np.float32(factor)
+    ratio = np.float32((1.0 + 0.8 * alpha * cell_width) * 0.999999)
     for k in range(out.size):
         limit = middle[k] * ratio
         far = max(left[k], left2[k], right[k], right2[k], above[k], above2[k], below[k], below2[k])
@@ -172,7 +179,7 @@ def mark_steps(z: F32, factor: float, step: U8) -> None:
         out[k] = np.uint8(far >= limit) | np.uint8(near <= np.float32(0.0))
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def find_occluding(
     depth: U16,
     unit_m: float,
@@ -195,11 +202,10 @@ def find_occluding(
     """Edges of near surfaces against what lies behind them (step 1); appends to `edge_m`, returns the new count.
 
     `cell_width`: the width of a cell at 1 m. `near_m`: nearer surfaces end at the sensor's limit, not in open space.
-    `step`: (R, C) room to work in.
+    `step`: (R, C) as `mark_steps` fills it.
     """
     rows, columns = z.shape
     half = stride // 2
-    mark_steps(z, (1.0 + 0.8 * alpha * cell_width) * 0.999999, step)
     for i in range(rows):
         inside = 2 <= i < rows - 2
         for j in range(columns):
@@ -244,7 +250,7 @@ def find_occluding(
     return count
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def mark_floor(
     z: F32,
     slope_x: F32,
@@ -290,7 +296,7 @@ def mark_floor(
                 inverse[i, j] = 1.0 / z0
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def find_contact(
     z: F32,
     slope_x: F32,

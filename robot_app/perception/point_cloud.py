@@ -112,6 +112,8 @@ class EdgeCloud:
 
     def _find_occluding(self, depth: NDArray[np.uint16], unit_m: float) -> None:
         config = self._config
+        columns = self.z.shape[1]
+        kernels.mark_steps(self.z.reshape(-1), columns, self.cell_width, config.alpha, self._marks.reshape(-1))
         self.edges = kernels.find_occluding(
             depth,
             unit_m,
@@ -156,6 +158,7 @@ class EdgeCloud:
         config = self._config
         curves.measure_creases(
             self._inverse,
+            self._inverse.reshape(-1),
             self.slope_y if vertical else self.slope_x,
             self.stride,
             self.stride / self.lens[vertical],
@@ -164,6 +167,7 @@ class EdgeCloud:
             config.crease_angle_rad,
             config.depth_noise,
             self._marks,
+            self._marks.reshape(-1),
             self._bend,
             self._shift,
         )

@@ -34,13 +34,13 @@ class SimplifiedFastGng:
         self._place = np.zeros((blocks, 3, kernels.LANES), np.float32)
         self._box = np.zeros((6, blocks), np.float32)
         self._weight, self._near, self._chance = np.zeros((3, *shape), np.float32)
-        self._heaviest, self._far, self._top, self._reach = np.zeros((4, blocks), np.float32)
-        self._hit, self._stale = np.zeros((2, blocks), np.uint8)
+        self._heaviest, self._far, self._top = np.zeros((3, blocks), np.float32)
+        self._reached, self._hit, self._stale = np.zeros((3, blocks), np.uint8)
         self._square = np.zeros(config.max_nodes, np.float32)
         self._gap, self._other = np.zeros(kernels.CANDIDATES, np.float32), np.zeros(kernels.CANDIDATES, np.int32)
         self._pair = np.zeros((4 * config.max_nodes, 2), np.int32)
         self._length_m = np.zeros(4 * config.max_nodes, np.float32)
-        self._degrees = np.zeros(config.max_nodes, np.int32)
+        self._degrees, self._node_sample = np.zeros((2, config.max_nodes), np.int32)
         self._node_place = np.zeros((config.max_nodes, 3), np.float32)
         self._node_axis = np.zeros((3, config.max_nodes), np.float32)
 
@@ -72,7 +72,7 @@ class SimplifiedFastGng:
             self._far,
             self._chance,
             self._top,
-            self._reach,
+            self._reached,
             self._hit,
             self._stale,
             self._square,
@@ -81,6 +81,7 @@ class SimplifiedFastGng:
             self._pair,
             self._length_m,
             self._degrees,
+            self._node_sample,
             self._node_place,
             self._node_axis,
             network.node_m,

@@ -11,6 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from robot_app.perception._kernels import UNCOUNTED
+
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
 U8 = NDArray[np.uint8]
@@ -18,7 +20,7 @@ U8 = NDArray[np.uint8]
 FEWEST_CELLS, MOST_CELLS = 6, 10  # of an arm of a crease
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
 def _fit_arm(flat: F32, at: int, step: int, cells: int) -> tuple[float, float]:
     """A line through the inverse depth of `cells` cells from `at` on: its value there and its slope a cell; the value
     is 0 where a cell is empty."""
@@ -34,7 +36,7 @@ def _fit_arm(flat: F32, at: int, step: int, cells: int) -> tuple[float, float]:
     return (total / cells - slope * mean_k if least > 0.0 else 0.0), slope
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
 def _is_straight(flat: F32, at: int, step: int, cells: int, value: float, slope: float, slack: float) -> bool:
     """Whether no cell is further than `slack` from the line of `_fit_arm`."""
     worst = 0.0
@@ -43,14 +45,14 @@ def _is_straight(flat: F32, at: int, step: int, cells: int, value: float, slope:
     return worst <= slack
 
 
-@njit(nogil=True, cache=True)
-def mark_bends(inverse: F32, offset: int, arm_cells_m: float, least: float, mark: U8) -> None:
-    """`mark`: (R, C), 0 where `measure_creases` would find at the first glance that the surface goes straight on.
+@njit(nogil=True, cache=True, **UNCOUNTED)
+def mark_bends(flat: F32, offset: int, arm_cells_m: float, least: float, marks: U8) -> None:
+    """`marks`: (R * C,), 0 where `measure_creases` would find at the first glance that the surface goes straight on.
 
     Many cells are asked at once, for one length of the arm after the other. `offset`: 1 along the rows, the number of
     columns along the columns; `arm_cells_m`: the length of the arm in cells at 1 m; `least`: the bend of a cell.
+    `flat`: the inverse depth, row after row.
     """
-    flat, marks = inverse.ravel(), mark.ravel()
     marks[:] = 0
     for cells in range(FEWEST_CELLS, MOST_CELLS + 1):
         reach = cells * offset
@@ -69,9 +71,10 @@ def mark_bends(inverse: F32, offset: int, arm_cells_m: float, least: float, mark
             out[k] |= np.uint8(bend & known & (q >= low) & (q <= high))
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def measure_creases(
     inverse: F32,
+    flat: F32,
     slopes: F32,
     stride: int,
     cell_slope: float,
@@ -80,6 +83,7 @@ def measure_creases(
     min_angle_rad: float,
     noise: float,
     mark: U8,
+    marks: U8,
     angle: F32,
     shift: F32,
 ) -> None:
@@ -88,16 +92,16 @@ def measure_creases(
     `angle`: (R, C) rad, 0 where there is no crease. `shift`: (R, C) where the two sides meet, cells from the cell.
     A plane's inverse depth is linear in the image, whatever its slant: a crease is where two straight pieces meet.
     `inverse`: (R, C) 1/m, 0 where there is nothing to look at. `slopes`: of the columns or rows; `cell_slope`: the
-    step of a cell in them. `noise`: of the depth at 1 m, m. `mark`: (R, C) room to work in.
+    step of a cell in them. `noise`: of the depth at 1 m, m. `mark`: (R, C) room to work in. `flat`, `marks`: `inverse`
+    and `mark`, row after row.
     """
     rows, columns = inverse.shape
     half = stride // 2
     least = 2.0 * math.tan(0.5 * min_angle_rad)
     tangent = math.tan(min_angle_rad)
-    flat = inverse.ravel()
     step = columns if vertical == 1 else 1
     angle[:] = 0.0
-    mark_bends(inverse, step, arm_m / cell_slope, 0.6 * least * cell_slope, mark)
+    mark_bends(flat, step, arm_m / cell_slope, 0.6 * least * cell_slope, marks)
     for i in range(rows):
         for j in range(columns):
             if mark[i, j] == 0:
@@ -139,7 +143,7 @@ def measure_creases(
                 shift[i, j] = where
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def find_creases(
     z: F32,
     slope_x: F32,

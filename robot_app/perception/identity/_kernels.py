@@ -9,11 +9,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from robot_app.perception._kernels import UNCOUNTED
+
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _near_segment(x: float, y: float, z: float, segment_m: F64, k: int, reach_m: float) -> bool:
     ax, ay, az = segment_m[k, 0, 0], segment_m[k, 0, 1], segment_m[k, 0, 2]
     dx, dy, dz = segment_m[k, 1, 0] - ax, segment_m[k, 1, 1] - ay, segment_m[k, 1, 2] - az
@@ -25,7 +27,7 @@ def _near_segment(x: float, y: float, z: float, segment_m: F64, k: int, reach_m:
     return near
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _surround(segment_m: F64, start: I32, objects: int, box_m: F64) -> None:
     """`box_m`: (K, 2, 3) the least and the greatest coordinates of each object."""
     for k in range(objects):
@@ -37,7 +39,7 @@ def _surround(segment_m: F64, start: I32, objects: int, box_m: F64) -> None:
             box_m[k, 0, axis], box_m[k, 1, axis] = low, high
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _is_near(x: float, y: float, z: float, segment_m: F64, first: int, end: int, box_m: F64, reach_m: float) -> bool:
     """Whether a point lies within `reach_m` of one of the segments, which lie in `box_m` (2, 3)."""
     if (
@@ -57,7 +59,7 @@ def _is_near(x: float, y: float, z: float, segment_m: F64, first: int, end: int,
     return found
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def count_overlap(
     segment_m: F64,
     start: I32,

@@ -15,38 +15,54 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from robot_app.perception._kernels import UNCOUNTED
+
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 U8 = NDArray[np.uint8]
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def separation(a_m: F32, a: int, b_m: F32, b: int) -> float:
     dx, dy, dz = a_m[a, 0] - b_m[b, 0], a_m[a, 1] - b_m[b, 1], a_m[a, 2] - b_m[b, 2]
     return math.sqrt(dx * dx + dy * dy + dz * dz)
 
 
-@njit(nogil=True, cache=True, inline="always")
-def near_edge(x: float, y: float, z: float, lens: F64, stride: int, reach_m: float, edge_m: F32, edge_at: I32) -> bool:
+@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
+def near_edge(
+    x: float,
+    y: float,
+    z: float,
+    row_lens: float,
+    column_lens: float,
+    row_middle: float,
+    column_middle: float,
+    reach_m: float,
+    edge_m: F32,
+    edge_at: I32,
+) -> bool:
     """Whether an edge point lies within `reach_m` of a point on each axis; looks in the cells around its image.
 
     Across the line of sight the reach is no more than 2.5 cells: there the camera is as good as its pixels.
+    `row_lens`, `column_lens`: the focal lengths, `row_middle`, `column_middle`: the optical axis, in cells.
     """
     rows, columns = edge_at.shape
     if z < 0.05:
         return False
-    row_scale, column_scale = lens[1] / (stride * z), lens[0] / (stride * z)  # cells a metre
-    side_m = min(reach_m, 2.5 * stride * z / min(lens[0], lens[1]))
-    ci = math.floor(y * row_scale + lens[3] / stride)
-    cj = math.floor(x * column_scale + lens[2] / stride)
+    row_scale, column_scale = row_lens / z, column_lens / z  # cells a metre
+    side_m = min(reach_m, 2.5 * z / min(row_lens, column_lens))
+    ci = math.floor(y * row_scale + row_middle)
+    cj = math.floor(x * column_scale + column_middle)
     ri, rj = min(int(side_m * row_scale) + 1, 16), min(int(side_m * column_scale) + 1, 16)
-    first, end = max(cj - rj, 0), min(cj + rj + 1, columns)
-    for step in range(2 * ri + 1):  # the middle row first
+    for step in range(2 * ri + 1):  # the middle row first, and the middle of each row
         k = ci + ((step + 1) // 2 if step % 2 == 1 else -(step // 2))
         if k < 0 or k >= rows:
             continue
-        for m in range(first, end):
+        for turn in range(2 * rj + 1):
+            m = cj + ((turn + 1) // 2 if turn % 2 == 1 else -(turn // 2))
+            if m < 0 or m >= columns:
+                continue
             index = edge_at[k, m]
             if (
                 index >= 0
@@ -58,22 +74,39 @@ def near_edge(x: float, y: float, z: float, lens: F64, stride: int, reach_m: flo
     return False
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def is_supported(
     node_m: F32, a: int, b: int, lens: F64, stride: int, reach_m: float, step_m: float, edge_m: F32, edge_at: I32
 ) -> bool:
     """Whether edge points lie all along a connection (eqs 31-33, which look at its middle alone)."""
-    dx, dy, dz = node_m[b, 0] - node_m[a, 0], node_m[b, 1] - node_m[a, 1], node_m[b, 2] - node_m[a, 2]
+    x, y, z = node_m[a, 0], node_m[a, 1], node_m[a, 2]
+    dx, dy, dz = node_m[b, 0] - x, node_m[b, 1] - y, node_m[b, 2] - z
+    row_lens, column_lens, row_middle, column_middle = (
+        lens[1] / stride,
+        lens[0] / stride,
+        lens[3] / stride,
+        lens[2] / stride,
+    )
     parts = max(2, math.ceil(math.sqrt(dx * dx + dy * dy + dz * dz) / step_m))
     for part in range(1, parts):
         t = part / parts
-        x, y, z = node_m[a, 0] + t * dx, node_m[a, 1] + t * dy, node_m[a, 2] + t * dz
-        if not near_edge(x, y, z, lens, stride, reach_m, edge_m, edge_at):
+        if not near_edge(
+            x + t * dx,
+            y + t * dy,
+            z + t * dz,
+            row_lens,
+            column_lens,
+            row_middle,
+            column_middle,
+            reach_m,
+            edge_m,
+            edge_at,
+        ):
             return False
     return True
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def degree(linked: U8, nodes: int, a: int) -> int:
     total = 0
     for b in range(nodes):
@@ -81,13 +114,13 @@ def degree(linked: U8, nodes: int, a: int) -> int:
     return total
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def set_link(linked: U8, a: int, b: int, value: int) -> None:
     linked[a, b] = value
     linked[b, a] = value
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def remove_isolated(node_m: F32, node_curve: I32, node_weight: F32, linked: U8, nodes: int) -> int:
     """Step 7: nodes without a connection go; the others keep their order. Returns how many are left."""
     kept = 0
@@ -106,7 +139,7 @@ def remove_isolated(node_m: F32, node_curve: I32, node_weight: F32, linked: U8, 
     return kept
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def angle_at(node_m: F32, a: int, v: int, b: int) -> float:
     """θ (eq 26): the angle at node v between the ways to a and to b, rad; π is straight."""
     ax, ay, az = node_m[a, 0] - node_m[v, 0], node_m[a, 1] - node_m[v, 1], node_m[a, 2] - node_m[v, 2]
@@ -117,7 +150,7 @@ def angle_at(node_m: F32, a: int, v: int, b: int) -> float:
     return math.acos(min(1.0, max(-1.0, (ax * bx + ay * by + az * bz) / norm)))
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def list_connections(linked: U8, nodes: int, pairs: I32) -> int:
     """`pairs`: (M, 2) room for the connections, lower node first; returns how many there are."""
     count = 0

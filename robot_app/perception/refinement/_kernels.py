@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from robot_app.perception._kernels import UNCOUNTED
 from robot_app.perception.network._kernels import angle_at, is_supported, separation
 
 F32 = NDArray[np.float32]
@@ -23,14 +24,14 @@ U8 = NDArray[np.uint8]
 MOST = 8  # connections of a node; more are not kept
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def offset_m(node_m: F32, a: int, v: int, b: int) -> float:
     """Distance of node v from the line through a and b."""
-    theta = angle_at(node_m, v, a, b)
-    return separation(node_m, v, node_m, a) * math.sin(theta)
+    off_m: float = separation(node_m, v, node_m, a) * math.sin(angle_at(node_m, v, a, b))
+    return off_m
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def is_ground(
     node_m: F32,
     a: int,
@@ -63,7 +64,7 @@ def is_ground(
     return True
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def find_curves(sample_m: F32, sample_curve: I32, samples: int, node_m: F32, nodes: int, node_curve: I32) -> None:
     """`node_curve`: that of the sample nearest to each node."""
     for a in range(nodes):
@@ -74,7 +75,7 @@ def find_curves(sample_m: F32, sample_curve: I32, samples: int, node_m: F32, nod
                 best_m, node_curve[a] = gap_m, sample_curve[i]
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def list_neighbours(linked: U8, nodes: int, beside: I32, degree: I32) -> None:
     """Fill `beside` and `degree` from `linked`."""
     for a in range(nodes):
@@ -85,7 +86,7 @@ def list_neighbours(linked: U8, nodes: int, beside: I32, degree: I32) -> None:
                 connect(beside, degree, a, b)
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def link_neighbours(beside: I32, degree: I32, nodes: int, linked: U8) -> None:
     """Fill `linked` from `beside` and `degree`."""
     for a in range(nodes):
@@ -96,7 +97,7 @@ def link_neighbours(beside: I32, degree: I32, nodes: int, linked: U8) -> None:
             linked[a, beside[a, slot]] = 1
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def are_connected(beside: I32, degree: I32, a: int, b: int) -> bool:
     found = False
     for slot in range(degree[a]):
@@ -104,7 +105,7 @@ def are_connected(beside: I32, degree: I32, a: int, b: int) -> bool:
     return found
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def connect(beside: I32, degree: I32, a: int, b: int) -> None:
     if degree[a] < MOST and degree[b] < MOST:
         beside[a, degree[a]], beside[b, degree[b]] = b, a
@@ -112,7 +113,7 @@ def connect(beside: I32, degree: I32, a: int, b: int) -> None:
         degree[b] += 1
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _forget(beside: I32, degree: I32, a: int, b: int) -> None:
     for slot in range(degree[a]):
         if beside[a, slot] == b:
@@ -121,20 +122,20 @@ def _forget(beside: I32, degree: I32, a: int, b: int) -> None:
             return
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def disconnect(beside: I32, degree: I32, a: int, b: int) -> None:
     _forget(beside, degree, a, b)
     _forget(beside, degree, b, a)
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def isolate(beside: I32, degree: I32, a: int) -> None:
     """Take all connections of a node away."""
     while degree[a] > 0:
         disconnect(beside, degree, a, beside[a, 0])
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def remove_ground(
     node_m: F32,
     beside: I32,
@@ -157,7 +158,7 @@ def remove_ground(
             isolate(beside, degree, a)
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _open_end_near(node_m: F32, v: int, a: int, b: int, ends: I32, count: int, reach_m: float) -> bool:
     for k in range(count):
         end = ends[k]
@@ -166,7 +167,7 @@ def _open_end_near(node_m: F32, v: int, a: int, b: int, ends: I32, count: int, r
     return False
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _straightness(
     node_m: F32, beside: I32, degree: I32, v: int, angle_rad: float, stride: int, lens: F64, slack_m: float
 ) -> float:
@@ -177,7 +178,7 @@ def _straightness(
     if degree[v] != 2:
         return 0.0
     a, b = beside[v, 0], beside[v, 1]
-    angle = angle_at(node_m, a, v, b)
+    angle: float = angle_at(node_m, a, v, b)
     fine_m = 0.75 * stride * node_m[v, 2] / lens[0]
     off_m = offset_m(node_m, a, v, b)
     if (angle > angle_rad or off_m < fine_m) and off_m <= max(slack_m, fine_m):
@@ -185,7 +186,7 @@ def _straightness(
     return 0.0
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def reduce_straight(
     node_m: F32,
     beside: I32,
@@ -237,7 +238,7 @@ def reduce_straight(
                 angle[k] = _straightness(node_m, beside, degree, k, angle_rad, stride, lens, slack_m)
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def close_loops(
     node_m: F32,
     node_curve: I32,
@@ -281,18 +282,19 @@ def close_loops(
             connect(beside, degree, v, best)
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _loss(node_m: F32, beside: I32, degree: I32, a: int, b: int) -> float:
     """What is lost when node a goes and the others connected to it are connected to b, m."""
+    loss = 1e9
     if degree[a] == 1:
-        return separation(node_m, a, node_m, b)
-    if degree[a] != 2:
-        return 1e9
-    other = beside[a, 0] if beside[a, 0] != b else beside[a, 1]
-    return offset_m(node_m, other, a, b)
+        loss = separation(node_m, a, node_m, b)
+    elif degree[a] == 2:
+        other = beside[a, 0] if beside[a, 0] != b else beside[a, 1]
+        loss = offset_m(node_m, other, a, b)
+    return loss
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def contract_short(
     node_m: F32,
     node_curve: I32,
@@ -333,7 +335,7 @@ def contract_short(
             slot = 0
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def remove_noise(
     node_m: F32,
     node_curve: I32,
@@ -368,7 +370,7 @@ def remove_noise(
             isolate(beside, degree, a)
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def remove_unsupported(
     node_m: F32,
     beside: I32,

@@ -17,6 +17,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from robot_app.perception._kernels import UNCOUNTED
+
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -30,7 +32,7 @@ FEW_POINTS = 3
 SHARPEST = 0.35  # cosine between the ways on from a point of a curve; sharper bends end it
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def list_points(
     edge_m: F32, edge_at: I32, lens: F64, stride: int, cell_width: float, point_m: F32, point_uv: F32, point_at: I32
 ) -> int:
@@ -64,7 +66,7 @@ def list_points(
     return count
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _gap_cells(point_m: F32, a: int, b: int, cell_width: float) -> float:
     """Distance of two points in widths of a cell at the nearer one."""
     dx, dy, dz = point_m[a, 0] - point_m[b, 0], point_m[a, 1] - point_m[b, 1], point_m[a, 2] - point_m[b, 2]
@@ -72,7 +74,7 @@ def _gap_cells(point_m: F32, a: int, b: int, cell_width: float) -> float:
     return gap
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _turn(uv: F32, a: int, v: int, b: int) -> float:
     """1 + the cosine of the angle at v between a and b in the image: 0 is straight, 1 a right angle, 2 a way back."""
     ax, ay = uv[a, 0] - uv[v, 0], uv[a, 1] - uv[v, 1]
@@ -82,7 +84,7 @@ def _turn(uv: F32, a: int, v: int, b: int) -> float:
     return turn
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _list_near(
     point_m: F32,
     point_uv: F32,
@@ -120,7 +122,7 @@ def _list_near(
     return count
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def choose_neighbours(
     point_m: F32, point_uv: F32, point_at: I32, cell_width: float, near: I32, way: F32, beside: I32
 ) -> None:
@@ -149,7 +151,7 @@ def choose_neighbours(
                     break
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def keep_mutual(points: int, wanted: I32, beside: I32) -> None:
     """Two points are beside each other when both want it."""
     for a in range(points):
@@ -162,7 +164,7 @@ def keep_mutual(points: int, wanted: I32, beside: I32) -> None:
                 slot += 1
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _inner(beside: I32, a: int, steps: int) -> int:
     """The point some steps along the curve from its end a."""
     before, here = -1, a
@@ -174,7 +176,7 @@ def _inner(beside: I32, a: int, steps: int) -> int:
     return here
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def list_ends(beside: I32, points: int, ends: I32, tail: I32) -> int:
     """`ends`: (E,) the points with less than two beside them, `tail`: (E,) for those the one a few steps further in.
 
@@ -190,7 +192,7 @@ def list_ends(beside: I32, points: int, ends: I32, tail: I32) -> int:
     return count
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def join_ends(
     point_m: F32,
     point_uv: F32,
@@ -236,7 +238,7 @@ def join_ends(
             beside[b, 0 if beside[b, 0] < 0 else 1] = a
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def trace(points: int, beside: I32, curve: I32, order: I32, start: I32, closed: U8) -> int:
     """Fill `order`, `start` and `closed`, and `curve`: (E,) the curve of each point; returns how many curves there are.
 
@@ -262,7 +264,7 @@ def trace(points: int, beside: I32, curve: I32, order: I32, start: I32, closed: 
     return curves
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def lay_out(point_m: F32, order: I32, start: I32, closed: U8, curves: int, cell_width: float, path_m: F32) -> None:
     """`path_m`: (E, 3) the points in the order of the curves, those that jump out and back again moved in between.
 
@@ -285,7 +287,7 @@ def lay_out(point_m: F32, order: I32, start: I32, closed: U8, curves: int, cell_
                     path_m[first + k, axis] = 0.5 * (point_m[a, axis] + point_m[b, axis])
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _mean(path_m: F32, first: int, size: int, low: int, high: int, axis: int) -> float:
     total = 0.0
     for k in range(low, high + 1):
@@ -293,7 +295,7 @@ def _mean(path_m: F32, first: int, size: int, low: int, high: int, axis: int) ->
     return total / (high - low + 1)
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def smooth(
     path_m: F32, start: I32, closed: U8, curves: int, arm: int, smooth_m: F32, corner_m: F32, score: F32, arc_m: F32
 ) -> None:
@@ -341,7 +343,7 @@ def smooth(
             arc_m[first + k] = arc
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _extent_m(place_m: F32, first: int, last: int) -> float:
     """The diagonal of the box round places first to last."""
     square = 0.0
@@ -353,7 +355,7 @@ def _extent_m(place_m: F32, first: int, last: int) -> float:
     return math.sqrt(square)
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def measure(
     smooth_m: F32,
     score: F32,
@@ -385,7 +387,7 @@ def measure(
         detail[curve] = min(max(1.0, detail_extent_m / max(extent_m[curve], 1e-3)), max_detail)
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _root(parent: I32, a: int) -> int:
     while parent[a] != a:
         parent[a] = parent[parent[a]]
@@ -393,7 +395,7 @@ def _root(parent: I32, a: int) -> int:
     return a
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _cell_of(edge_m: F32, edge_at: I32, index: int, lens: F64, stride: int, axis: int) -> int:
     """The row (axis 1) or column (axis 0) of the cell that an edge point is seen in."""
     cell = int((edge_m[index, axis] / edge_m[index, 2] * lens[axis] + lens[2 + axis]) / stride)
@@ -401,7 +403,7 @@ def _cell_of(edge_m: F32, edge_at: I32, index: int, lens: F64, stride: int, axis
     return min(max(cell, 0), last)
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def drop_short(
     edge_m: F32,
     edge_at: I32,
@@ -449,7 +451,7 @@ def drop_short(
                     edge_at[k, m] = -1
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def group_curves(
     point_m: F32,
     point_uv: F32,
@@ -488,7 +490,7 @@ def group_curves(
         group[k] = _root(group, k)
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def choose_samples(
     corner_m: F32,
     smooth_m: F32,
@@ -544,11 +546,11 @@ def choose_samples(
             if count >= limit:
                 return count
             last_arc = arc_m[first + k]
+            for axis in range(3):
+                sample_m[count, axis] = corner_m[first + k, axis] if corner or end else smooth_m[first + k, axis]
             if corner or end:
-                sample_m[count] = corner_m[first + k]
                 sample_weight[count] = (1.0 + corner_gain * here) * size_weight
             else:
-                sample_m[count] = smooth_m[first + k]
                 sample_weight[count] = (1.0 + corner_gain * min(here, 0.2)) * size_weight
             sample_curve[count] = curve
             sample_detail[count] = detail[curve]

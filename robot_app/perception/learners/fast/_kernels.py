@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from robot_app.perception._kernels import UNCOUNTED
 from robot_app.perception.learners.graph._kernels import (
     connect,
     disconnect,
@@ -29,7 +30,7 @@ U8 = NDArray[np.uint8]
 U64 = NDArray[np.uint64]
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def node_probability(distance_m: float, min_m: float, max_m: float, beta: float) -> float:
     """P_node (eq 12) of a sample whose nearest node is `distance_m` away."""
     if distance_m < min_m:
@@ -39,7 +40,7 @@ def node_probability(distance_m: float, min_m: float, max_m: float, beta: float)
     return math.tanh(beta * max_m / distance_m)
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def note_sample(
     node: F32, beside: I32, degree: I32, s1: int, point: F32, neighbour_rate: float, shift: F32, share: F32
 ) -> None:
@@ -54,7 +55,7 @@ def note_sample(
             shift[axis, b] += np.float32(neighbour_rate) * (point[axis] - node[axis, b])
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def move_nodes(node: F32, nodes: int, rate: float, shift: F32, share: F32) -> None:
     """The end of a mini-batch: each node goes `rate` of the way to the mean of what pulled it."""
     for a in range(nodes):
@@ -66,7 +67,7 @@ def move_nodes(node: F32, nodes: int, rate: float, shift: F32, share: F32) -> No
             share[a] = 0.0
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def add_node(node: F32, beside: I32, age: I32, degree: I32, r: int, s1: int, s2: int, d1_m: float, d2_m: float) -> None:
     """Eqs 19-22: connect node r between or beside its nearest two, which are d1_m and d2_m away."""
     dx, dy, dz = node[0, s1] - node[0, s2], node[1, s1] - node[1, s2], node[2, s1] - node[2, s2]
@@ -80,7 +81,7 @@ def add_node(node: F32, beside: I32, age: I32, degree: I32, r: int, s1: int, s2:
         connect(beside, age, degree, s1, s2)
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def remove_useless(
     node: F32, beside: I32, age: I32, degree: I32, wins: I32, nodes: int, max_age: int, max_length_m: float
 ) -> int:
@@ -107,7 +108,7 @@ def remove_useless(
     return nodes
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def grow(
     sample_m: F32,
     samples: int,

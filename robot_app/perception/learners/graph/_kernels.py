@@ -11,6 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from robot_app.perception._kernels import UNCOUNTED
+
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
 U8 = NDArray[np.uint8]
@@ -19,7 +21,7 @@ U64 = NDArray[np.uint64]
 MOST_NEIGHBOURS = 16  # D; twice of what is met
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def draw(state: U64, count: int) -> int:
     """A random number from 0 to `count` - 1, all equally likely to within 2^-32 (xorshift64*, Vigna 2016)."""
     x = state[0]
@@ -31,7 +33,7 @@ def draw(state: U64, count: int) -> int:
     return int((np.int64(high) * count) >> 32)  # signed: numba makes a float of signed and unsigned together
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def nearest_two(x: np.float32, y: np.float32, z: np.float32, node: F32, nodes: int, square: F32) -> tuple[int, int]:
     """s1 and s2 (eqs 13 and 18) of a point; `square`: (N,) is left with the squared distances to all nodes."""
     for k in range(nodes):
@@ -49,7 +51,7 @@ def nearest_two(x: np.float32, y: np.float32, z: np.float32, node: F32, nodes: i
     return s1, s2
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def slot_of(beside: I32, degree: I32, a: int, b: int) -> int:
     """Where b stands among the neighbours of a; -1 when they are not connected."""
     for slot in range(degree[a]):
@@ -58,14 +60,14 @@ def slot_of(beside: I32, degree: I32, a: int, b: int) -> int:
     return -1
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _remove_slot(beside: I32, age: I32, degree: I32, a: int, slot: int) -> None:
     last = degree[a] - 1
     beside[a, slot], age[a, slot] = beside[a, last], age[a, last]
     degree[a] = last
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def disconnect(beside: I32, age: I32, degree: I32, a: int, b: int) -> None:
     slot = slot_of(beside, degree, a, b)
     if slot >= 0:
@@ -73,7 +75,7 @@ def disconnect(beside: I32, age: I32, degree: I32, a: int, b: int) -> None:
         _remove_slot(beside, age, degree, b, slot_of(beside, degree, b, a))
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def _make_room(beside: I32, age: I32, degree: I32, a: int) -> None:
     if degree[a] < beside.shape[1]:
         return
@@ -84,7 +86,7 @@ def _make_room(beside: I32, age: I32, degree: I32, a: int) -> None:
     disconnect(beside, age, degree, a, beside[a, oldest])
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def connect(beside: I32, age: I32, degree: I32, a: int, b: int) -> None:
     """A new connection, or an old one that is young again; where there is no room the oldest one goes."""
     slot = slot_of(beside, degree, a, b)
@@ -100,7 +102,7 @@ def connect(beside: I32, age: I32, degree: I32, a: int, b: int) -> None:
     degree[b] += 1
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def grow_older(beside: I32, age: I32, degree: I32, a: int, by: int) -> None:
     """Every connection of a ages by `by`."""
     for slot in range(degree[a]):
@@ -109,7 +111,7 @@ def grow_older(beside: I32, age: I32, degree: I32, a: int, by: int) -> None:
         age[b, slot_of(beside, degree, b, a)] += by
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def take_place(node: F32, beside: I32, age: I32, degree: I32, free: int, last: int) -> None:
     """Node `last` moves to the place `free`, whose node has no connection any more."""
     if free == last:
@@ -126,7 +128,7 @@ def take_place(node: F32, beside: I32, age: I32, degree: I32, free: int, last: i
                 beside[b, other] = free
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def hand_over(node: F32, beside: I32, degree: I32, nodes: int, node_m: F32, linked: U8) -> None:
     """Write the network as (N, 3) positions and a matrix of connections."""
     for a in range(nodes):

@@ -6,8 +6,10 @@ place: (B, 3, LANES) float32, where the network learns a sample: apart from othe
 curve is to be drawn; node_place: (N, 3) float32, that of the nodes. box: (6, B) float32, the least and the greatest
 coordinates of a block's places. weight: (B, LANES) float32, 0 where there is none, and heaviest: (B,) float32.
 near: (B, LANES) float32, dS1² (eq 13), m², and far: (B,) float32, the largest. chance: (B, LANES) float32, P_node
-(eq 12) times weight, and top: (B,) float32, the highest. hit, stale: (B,) uint8, blocks to be looked at now and in the
-next phase. degrees: (N,) int32, how many connections a node has. node_axis: (3, N) float32, node_m by rows.
+(eq 12) times weight, and top: (B,) float32, the highest. reached, hit, stale: (B,) uint8, the blocks that a node may be
+the nearest for, those whose chances have changed, and those that the next phase has to look at anew.
+degrees: (N,) int32, how many connections a node has. node_axis: (3, N) float32, node_m by rows.
+node_sample: (N,) int32, the sample that a node stands on. The samples of a curve follow one another.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from robot_app.perception._kernels import UNCOUNTED
 from robot_app.perception.network._kernels import is_supported, separation
 
 F32 = NDArray[np.float32]
@@ -25,15 +28,12 @@ F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 U8 = NDArray[np.uint8]
 
-# Handing many arrays over costs more than what the helpers do with them (they are counted, atomically, at each call):
-# those with one caller are inlined.
-
 LANES = 16
 CANDIDATES = 8  # of the older nodes, for a connection to a new one
 FAR = 1e18  # m²
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
 def node_chances(near: F32, weight: F32, b: int, min_m: float, max_m: float, beta: float, chance: F32) -> None:
     """P_node (eq 12) times weight for each sample of block b; tanh by its continued fraction, right to 1e-7."""
     low, high = np.float32(min_m * min_m), np.float32(max_m * max_m)
@@ -48,7 +48,7 @@ def node_chances(near: F32, weight: F32, b: int, min_m: float, max_m: float, bet
         chance[b, lane] = value * weight[b, lane]
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
 def place_of(point_m: F32, i: int, axis: int, curve: int, curve_detail: F32, apart_m: float) -> float:
     """A coordinate of where the network learns point i of a curve: the same place when curves are not to lie apart."""
     place: float = point_m[i, axis]
@@ -57,7 +57,7 @@ def place_of(point_m: F32, i: int, axis: int, curve: int, curve_detail: F32, apa
     return place
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
 def lay_out_samples(
     sample_m: F32,
     sample_weight: F32,
@@ -97,40 +97,59 @@ def lay_out_samples(
     return blocks
 
 
-@njit(nogil=True, cache=True, inline="always")
-def mark_reached(box: F32, blocks: int, x: float, y: float, z: float, reach: F32, hit: U8) -> None:
-    """`hit`: 1 for the blocks whose box is no further from a place than the root of their `reach`: (B,) float32, m².
+@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
+def mark_reached(box: F32, blocks: int, x: float, y: float, z: float, reach: F32, reached: U8) -> None:
+    """`reached`: 1 for the blocks whose box is no further from a place than the root of `reach`, (B,) float32, m².
 
     The box is never further than one of its samples by the same arithmetic: rounding keeps the order.
     """
     zero = np.float32(0.0)
     for b in range(blocks):
-        dx, dy, dz = max(box[0, b] - x, x - box[3, b]), max(box[1, b] - y, y - box[4, b]), max(box[2, b] - z, z - box[5, b])
+        dx, dy, dz = (
+            max(box[0, b] - x, x - box[3, b]),
+            max(box[1, b] - y, y - box[4, b]),
+            max(box[2, b] - z, z - box[5, b]),
+        )
         dx, dy, dz = max(dx, zero), max(dy, zero), max(dz, zero)
-        hit[b] = np.uint8(dx * dx + dy * dy + dz * dz <= reach[b])
+        reached[b] = np.uint8(dx * dx + dy * dy + dz * dz <= reach[b])
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
 def _look_anew(place: F32, b: int, node_place: F32, nodes: int, near: F32, far: F32) -> None:
-    """dS1² of block b, from all nodes.
+    """dS1² of block b, from all nodes, of which four are taken at once.
 
     The number of lanes is read from the array: a loop of a length that the compiler knows it unrolls and leaves scalar.
     """
     lanes = near.shape[1]
     for lane in range(lanes):
         near[b, lane] = FAR
-    for a in range(nodes):
+    a = 0
+    while a + 4 <= nodes:
+        x0, y0, z0 = node_place[a, 0], node_place[a, 1], node_place[a, 2]
+        x1, y1, z1 = node_place[a + 1, 0], node_place[a + 1, 1], node_place[a + 1, 2]
+        x2, y2, z2 = node_place[a + 2, 0], node_place[a + 2, 1], node_place[a + 2, 2]
+        x3, y3, z3 = node_place[a + 3, 0], node_place[a + 3, 1], node_place[a + 3, 2]
+        for lane in range(lanes):
+            x, y, z = place[b, 0, lane], place[b, 1, lane], place[b, 2, lane]
+            u0, v0, w0, u1, v1, w1 = x - x0, y - y0, z - z0, x - x1, y - y1, z - z1
+            u2, v2, w2, u3, v3, w3 = x - x2, y - y2, z - z2, x - x3, y - y3, z - z3
+            first = min(u0 * u0 + v0 * v0 + w0 * w0, u1 * u1 + v1 * v1 + w1 * w1)
+            last = min(u2 * u2 + v2 * v2 + w2 * w2, u3 * u3 + v3 * v3 + w3 * w3)
+            near[b, lane] = min(near[b, lane], first, last)
+        a += 4
+    while a < nodes:
         x, y, z = node_place[a, 0], node_place[a, 1], node_place[a, 2]
         for lane in range(lanes):
             dx, dy, dz = place[b, 0, lane] - x, place[b, 1, lane] - y, place[b, 2, lane] - z
             near[b, lane] = min(near[b, lane], dx * dx + dy * dy + dz * dz)
+        a += 1
     furthest = near[b, 0]
     for lane in range(lanes):
         furthest = max(furthest, near[b, lane])
     far[b] = furthest
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
 def _note_node(place: F32, b: int, x: float, y: float, z: float, near: F32, far: F32) -> bool:
     """Keep dS1² of block b up to date with a new node; returns whether anything changed."""
     changed, furthest = False, np.float32(0.0)
@@ -144,30 +163,44 @@ def _note_node(place: F32, b: int, x: float, y: float, z: float, near: F32, far:
     return changed
 
 
-@njit(nogil=True, cache=True, inline="always")
-def _highest(chance: F32, b: int) -> float:
-    highest = np.float32(0.0)
-    for lane in range(chance.shape[1]):
-        highest = max(highest, chance[b, lane])
-    return highest
+@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
+def best_sample(
+    near: F32,
+    weight: F32,
+    heaviest: F32,
+    min_m: float,
+    max_m: float,
+    beta: float,
+    chance: F32,
+    top: F32,
+    hit: U8,
+    blocks: int,
+) -> int:
+    """The sample with the highest P_node times weight, the first of several; -1 when none may be added.
 
-
-@njit(nogil=True, cache=True, inline="always")
-def best_sample(chance: F32, top: F32, blocks: int) -> int:
-    """The sample with the highest P_node times weight, the first of several; -1 when none may be added."""
-    best, best_chance = -1, np.float32(0.0)
+    P_node is 1 at most: of the blocks that are `hit`, whose `top` is 0, only those are worked out that weigh enough.
+    """
+    best_chance = np.float32(0.0)
     for b in range(blocks):
-        if top[b] > best_chance:
-            best, best_chance = b, top[b]
-    if best < 0:
+        best_chance = max(best_chance, top[b])
+    for b in range(blocks):
+        if hit[b] == 1 and heaviest[b] >= best_chance:
+            node_chances(near, weight, b, min_m, max_m, beta, chance)
+            for lane in range(chance.shape[1]):
+                top[b] = max(top[b], chance[b, lane])
+            hit[b] = 0
+            best_chance = max(best_chance, top[b])
+    if best_chance == 0.0:
         return -1
-    lane = 0
+    best, lane = 0, 0
+    while top[best] != best_chance:
+        best += 1
     while chance[best, lane] != best_chance:
         lane += 1
     return best * LANES + lane
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
 def _set_link(linked: U8, degrees: I32, a: int, b: int, value: int) -> None:
     if linked[a, b] != value:
         linked[a, b] = linked[b, a] = value
@@ -175,7 +208,7 @@ def _set_link(linked: U8, degrees: I32, a: int, b: int, value: int) -> None:
         degrees[b] += 2 * value - 1
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
 def limit_degree(node_m: F32, linked: U8, nodes: int, most: int, pair: I32, length_m: F32, degrees: I32) -> None:
     """Step 6: while a node has more than `most` connections, the longest one of such a node goes.
 
@@ -205,9 +238,16 @@ def limit_degree(node_m: F32, linked: U8, nodes: int, most: int, pair: I32, leng
             _set_link(linked, degrees, a, b, 0)
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
 def drop_isolated(
-    node_m: F32, node_place: F32, node_curve: I32, node_weight: F32, linked: U8, degrees: I32, nodes: int
+    node_m: F32,
+    node_place: F32,
+    node_curve: I32,
+    node_weight: F32,
+    node_sample: I32,
+    linked: U8,
+    degrees: I32,
+    nodes: int,
 ) -> int:
     """Step 7: nodes without a connection go; the others keep their order. Returns how many are left."""
     kept = 0
@@ -215,7 +255,7 @@ def drop_isolated(
         if degrees[a] == 0:
             continue
         if kept != a:
-            node_curve[kept], node_weight[kept] = node_curve[a], node_weight[a]
+            node_curve[kept], node_weight[kept], node_sample[kept] = node_curve[a], node_weight[a], node_sample[a]
             for axis in range(3):
                 node_m[kept, axis], node_place[kept, axis] = node_m[a, axis], node_place[a, axis]
             for b in range(nodes):
@@ -227,7 +267,7 @@ def drop_isolated(
     return kept
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
 def nearest_two(
     node_m: F32,
     node_axis: F32,
@@ -276,13 +316,13 @@ def nearest_two(
     return s1, -1
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
 def _apart_m(node_m: F32, a: int, b: int) -> float:
     dx, dy, dz = node_m[a, 0] - node_m[b, 0], node_m[a, 1] - node_m[b, 1], node_m[a, 2] - node_m[b, 2]
     return math.sqrt(dx * dx + dy * dy + dz * dz)
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
 def connect_new(
     node_m: F32,
     linked: U8,
@@ -313,40 +353,30 @@ def connect_new(
             _set_link(linked, degrees, s1, s2, 1)
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
 def _better_place(
-    place: F32,
-    weight: F32,
-    heaviest: F32,
-    hit: U8,
-    blocks: int,
-    sample_curve: I32,
-    node_place: F32,
-    a: int,
-    own_curve: int,
-    own: float,
-    snap_m: float,
+    place: F32, weight: F32, heaviest: F32, sample_curve: I32, samples: int, own_sample: int, own: float, snap_m: float
 ) -> int:
-    """The heaviest sample within `snap_m` of node a on its curve, if it weighs 1.2 times as much; -1 otherwise.
-
-    Only the blocks that are `hit` can have it.
-    """
+    """The heaviest sample within `snap_m` of a node on its curve, if it weighs 1.2 times as much; -1 otherwise."""
     best, best_weight = -1, 1.2 * own
-    x, y, z = node_place[a, 0], node_place[a, 1], node_place[a, 2]
     limit = np.float32(snap_m * snap_m)
-    for b in range(blocks):
-        if hit[b] == 0 or heaviest[b] <= best_weight:
-            continue
-        for lane in range(weight.shape[1]):
-            if weight[b, lane] <= best_weight or sample_curve[b * LANES + lane] != own_curve:
-                continue
-            dx, dy, dz = place[b, 0, lane] - x, place[b, 1, lane] - y, place[b, 2, lane] - z
-            if dx * dx + dy * dy + dz * dz < limit:
-                best, best_weight = b * LANES + lane, weight[b, lane]
+    b, lane, curve = own_sample // LANES, own_sample % LANES, sample_curve[own_sample]
+    x, y, z = place[b, 0, lane], place[b, 1, lane], place[b, 2, lane]
+    while b > 0 and sample_curve[b * LANES - 1] == curve:
+        b -= 1
+    while b * LANES < samples and sample_curve[max(b * LANES, own_sample)] == curve:
+        if heaviest[b] > best_weight:
+            for i in range(b * LANES, min(b * LANES + LANES, samples)):
+                lane = i - b * LANES
+                if weight[b, lane] > best_weight and sample_curve[i] == curve:
+                    dx, dy, dz = place[b, 0, lane] - x, place[b, 1, lane] - y, place[b, 2, lane] - z
+                    if dx * dx + dy * dy + dz * dz < limit:
+                        best, best_weight = i, weight[b, lane]
+        b += 1
     return best
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
 def snap_to_corners(
     sample_m: F32,
     sample_curve: I32,
@@ -354,6 +384,7 @@ def snap_to_corners(
     box: F32,
     weight: F32,
     heaviest: F32,
+    samples: int,
     blocks: int,
     snap_m: float,
     lens: F64,
@@ -364,36 +395,32 @@ def snap_to_corners(
     edge_at: I32,
     node_m: F32,
     node_place: F32,
-    node_curve: I32,
     node_weight: F32,
+    node_sample: I32,
     linked: U8,
     nodes: int,
     far: F32,
-    reach: F32,
-    hit: U8,
+    reached: U8,
     stale: U8,
 ) -> None:
     """Moves each node to the sample of highest weight within `snap_m` of it, if its connections stay on edges.
 
     So a node that happened to be put beside a corner does not cut it, and two frames put it in the same place.
     """
-    reach[:blocks] = np.float32(snap_m * snap_m)
     for a in range(nodes):
-        u, v, w = node_place[a, 0], node_place[a, 1], node_place[a, 2]
-        mark_reached(box, blocks, u, v, w, reach, hit)
-        best = _better_place(
-            place, weight, heaviest, hit, blocks, sample_curve, node_place, a, node_curve[a], node_weight[a], snap_m
-        )
+        best = _better_place(place, weight, heaviest, sample_curve, samples, node_sample[a], node_weight[a], snap_m)
         if best < 0:
             continue
+        u, v, w = node_place[a, 0], node_place[a, 1], node_place[a, 2]
         x, y, z = node_m[a, 0], node_m[a, 1], node_m[a, 2]
         for axis in range(3):
             node_m[a, axis] = sample_m[best, axis]
             node_place[a, axis] = place[best // LANES, axis, best % LANES]
         node_weight[a], own = weight[best // LANES, best % LANES], node_weight[a]
-        stays = False
+        p, q, r, stays = node_place[a, 0], node_place[a, 1], node_place[a, 2], False
         for b in range(nodes):
-            stays |= b != a and _apart_m(node_place, a, b) < snap_m
+            du, dv, dw = p - node_place[b, 0], q - node_place[b, 1], r - node_place[b, 2]
+            stays |= b != a and math.sqrt(du * du + dv * dv + dw * dw) < snap_m
         for b in range(nodes):
             if linked[a, b] == 1 and not stays:
                 stays = not is_supported(node_m, a, b, lens, stride, reach_m, step_m, edge_m, edge_at)
@@ -402,16 +429,17 @@ def snap_to_corners(
             node_place[a, 0], node_place[a, 1], node_place[a, 2] = u, v, w
             node_weight[a] = own
             continue
-        mark_reached(box, blocks, u, v, w, far, hit)
+        node_sample[a] = best
+        mark_reached(box, blocks, u, v, w, far, reached)
         for b in range(blocks):
-            stale[b] |= hit[b]
-        mark_reached(box, blocks, node_place[a, 0], node_place[a, 1], node_place[a, 2], far, hit)
+            stale[b] |= reached[b]
+        mark_reached(box, blocks, p, q, r, far, reached)
         for b in range(blocks):
-            stale[b] |= hit[b]
+            stale[b] |= reached[b]
 
 
 # error_model="numpy" only leaves out the test for a division by zero, without which 16 samples go at once.
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", **UNCOUNTED)
 def grow(
     sample_m: F32,
     sample_weight: F32,
@@ -438,7 +466,7 @@ def grow(
     far: F32,
     chance: F32,
     top: F32,
-    reach: F32,
+    reached: U8,
     hit: U8,
     stale: U8,
     square: F32,
@@ -447,6 +475,7 @@ def grow(
     pair: I32,
     length_m: F32,
     degrees: I32,
+    node_sample: I32,
     node_place: F32,
     node_axis: F32,
     node_m: F32,
@@ -478,26 +507,23 @@ def grow(
         for b in range(blocks):
             if stale[b] == 1:
                 _look_anew(place, b, node_place, nodes, near, far)
-            stale[b] = 0
-            node_chances(near, weight, b, low_m, high_m, beta, chance)
-            top[b] = _highest(chance, b)
+            stale[b], hit[b], top[b] = 0, 1, 0.0
         for a in range(nodes):
             for axis in range(3):
                 node_axis[axis, a] = node_m[a, axis]
         for _ in range(math.ceil(samples / per_node[phase]) + (2 if phase == 0 else 0)):
-            v = best_sample(chance, top, blocks)
+            v = best_sample(near, weight, heaviest, low_m, high_m, beta, chance, top, hit, blocks)
             if v < 0 or nodes == node_m.shape[0]:
                 break
             for axis in range(3):
                 node_axis[axis, nodes] = node_m[nodes, axis] = sample_m[v, axis]
                 node_place[nodes, axis] = place[v // LANES, axis, v % LANES]
-            node_curve[nodes], node_weight[nodes] = sample_curve[v], sample_weight[v]
+            node_curve[nodes], node_weight[nodes], node_sample[nodes] = sample_curve[v], sample_weight[v], v
             x, y, z = node_place[nodes, 0], node_place[nodes, 1], node_place[nodes, 2]
-            mark_reached(box, blocks, x, y, z, far, hit)
+            mark_reached(box, blocks, x, y, z, far, reached)
             for b in range(blocks):
-                if hit[b] == 1 and _note_node(place, b, x, y, z, near, far):
-                    node_chances(near, weight, b, low_m, high_m, beta, chance)
-                    top[b] = _highest(chance, b)
+                if reached[b] == 1 and _note_node(place, b, x, y, z, near, far):
+                    hit[b], top[b] = 1, 0.0
             s1, s2 = nearest_two(
                 node_m,
                 node_axis,
@@ -522,10 +548,10 @@ def grow(
         limit_degree(node_m, linked, nodes, 2, pair, length_m, degrees)
         for a in range(nodes):
             if degrees[a] == 0:
-                mark_reached(box, blocks, node_place[a, 0], node_place[a, 1], node_place[a, 2], far, hit)
+                mark_reached(box, blocks, node_place[a, 0], node_place[a, 1], node_place[a, 2], far, reached)
                 for b in range(blocks):
-                    stale[b] |= hit[b]
-        nodes = drop_isolated(node_m, node_place, node_curve, node_weight, linked, degrees, nodes)
+                    stale[b] |= reached[b]
+        nodes = drop_isolated(node_m, node_place, node_curve, node_weight, node_sample, linked, degrees, nodes)
         if evidence:
             snap_to_corners(
                 sample_m,
@@ -534,6 +560,7 @@ def grow(
                 box,
                 weight,
                 heaviest,
+                samples,
                 blocks,
                 snap_m,
                 lens,
@@ -544,13 +571,12 @@ def grow(
                 edge_at,
                 node_m,
                 node_place,
-                node_curve,
                 node_weight,
+                node_sample,
                 linked,
                 nodes,
                 far,
-                reach,
-                hit,
+                reached,
                 stale,
             )
     return nodes

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from robot_app.perception._kernels import UNCOUNTED
 from robot_app.perception.learners.graph._kernels import (
     connect,
     disconnect,
@@ -25,7 +26,7 @@ U8 = NDArray[np.uint8]
 U64 = NDArray[np.uint64]
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def adapt(node: F32, beside: I32, degree: I32, s1: int, point: F32, winner_rate: float, neighbour_rate: float) -> None:
     """Fritzke's step 5: the winner and its neighbours move towards the point."""
     for axis in range(3):
@@ -35,7 +36,7 @@ def adapt(node: F32, beside: I32, degree: I32, s1: int, point: F32, winner_rate:
             node[axis, b] += np.float32(neighbour_rate) * (point[axis] - node[axis, b])
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def forget_old(node: F32, beside: I32, age: I32, degree: I32, error: F32, nodes: int, s1: int, max_age: int) -> int:
     """Step 7: the winner's connections older than `max_age` go, and nodes that lose their last one with them.
 
@@ -57,7 +58,7 @@ def forget_old(node: F32, beside: I32, age: I32, degree: I32, error: F32, nodes:
     return nodes
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def insert(node: F32, beside: I32, age: I32, degree: I32, error: F32, nodes: int, alpha: float) -> int:
     """Step 8: a node between the one with the largest error and that one's neighbour with the largest error."""
     q = 0
@@ -83,7 +84,7 @@ def insert(node: F32, beside: I32, age: I32, degree: I32, error: F32, nodes: int
     return nodes + 1
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def grow(
     sample_m: F32,
     samples: int,
