@@ -15,6 +15,7 @@ from shared.protocol.compact.walk import code_observation
 
 _LONGEST_BYTES = 65_000
 _WANTS_KEYFRAME = 0x10
+_DAMAGED_MEANS_LOST = 3
 
 
 @dataclass(slots=True)
@@ -37,6 +38,7 @@ class Decoder:
         self._states: OrderedDict[int, State] = OrderedDict()
         self._newest: int | None = None
         self._lost = False
+        self._damaged_in_row = 0
 
     def decode(self, datagram: bytes) -> Observation | None:
         """The observation, or None. Never raises."""
@@ -55,11 +57,11 @@ class Decoder:
                 Coding(state.model, payload, len(payload), reading=True), state, None
             )
         except Unfit:
-            self.counts.damaged += 1
+            self._drop_damaged()
             return None
         check = int.from_bytes(datagram[1:HEAD_BYTES], "little")
         if check != check_of(datagram[:1] + datagram[HEAD_BYTES:], state):
-            self.counts.damaged += 1
+            self._drop_damaged()
             return None
         return self._accept(datagram[0], state, observation, level)
 
@@ -77,6 +79,12 @@ class Decoder:
             return State.initial()
         return self._states.get(((head >> 3) - 1 - (head & 0x07)) % NUMBERS)
 
+    def _drop_damaged(self) -> None:
+        """One may be damaged on its way; several in a row mean that the two sides have come to differ."""
+        self.counts.damaged += 1
+        self._damaged_in_row += 1
+        self._lost |= self._damaged_in_row >= _DAMAGED_MEANS_LOST
+
     def _accept(self, head: int, state: State, observation: Observation, level: int) -> Observation | None:
         newest = self._states[self._newest] if self._newest is not None else None
         if newest is not None and newest.boot_id == state.boot_id and state.sequence <= newest.sequence:
@@ -85,13 +93,13 @@ class Decoder:
         number = head >> 3 & 0x0F
         if head & KEYFRAME:
             self.counts.keyframes += 1
-            self._states.clear()
         self._states[number] = state
         self._states.move_to_end(number)
         while len(self._states) > WINDOW:
             self._states.popitem(last=False)
         self._newest = number
         self._lost = False
+        self._damaged_in_row = 0
         self.counts.good += 1
         self.counts.reduced += level > 0
         return observation

@@ -10,13 +10,14 @@ from __future__ import annotations
 import math
 import zlib
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shared.messages import Observation, ScanGeometry
-from shared.protocol.compact.fitting.fit import fit
+from shared.protocol.compact.fitting.fit import best_correction
 from shared.protocol.compact.model import Coding
 from shared.protocol.compact.objects.match import choose
 from shared.protocol.compact.objects.walk import MOST_NEW, NetworkChoice
@@ -30,7 +31,7 @@ from shared.protocol.compact.state import (
     Sweep,
     Unfit,
 )
-from shared.protocol.compact.walk import Sizes, code_observation, quantised_correction
+from shared.protocol.compact.walk import Sizes, code_observation
 
 IntArray = NDArray[np.int64]
 
@@ -115,8 +116,7 @@ class _Sending:
             if state.number == 0 or not (state.scans[0, :, 2] > 0).any():
                 self.shift = (0, 0, 0)
             else:
-                found = fit(state.scans[0], pose, motion, sweep.mount, self.ranges_mm)
-                self.shift = quantised_correction(found, int(pose[2]))
+                self.shift = best_correction(state.scans[0], pose, motion, sweep.mount, self.ranges_mm, self.step_mm)
         return self.shift
 
     @property
@@ -169,11 +169,18 @@ class Encoder:
     from the one before. Without it each is predicted from the newest that `acknowledge` has heard of.
     """
 
-    def __init__(self, in_order: bool = False) -> None:
+    def __init__(self, in_order: bool = False, initial: Callable[[], State] = State.initial) -> None:
+        """`initial`: what both sides know before a keyframe."""
         self._in_order = in_order
+        self._initial = initial
         self._number = 0
         self._sent: OrderedDict[int, State] = OrderedDict()
         self._base: int | None = None
+
+    @property
+    def newest(self) -> State | None:
+        """What the other side knows once it has the last datagram."""
+        return self._sent[next(reversed(self._sent))] if self._sent else None
 
     def reset(self) -> None:
         """The other side may have nothing: begin with a keyframe."""
@@ -209,7 +216,7 @@ class Encoder:
 
     def _attempt(self, sending: _Sending, level: int) -> tuple[Encoded, State]:
         base = self._base_state()
-        state = base.copy() if base is not None else State.initial()
+        state = base.copy() if base is not None else self._initial()
         sending.level = level
         coding = Coding(state.model, np.zeros(_LARGEST_BYTES, np.uint8), _LARGEST_BYTES, reading=False)
         try:

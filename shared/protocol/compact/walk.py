@@ -14,6 +14,8 @@ from shared.geometry.se2 import Pose2
 from shared.messages import ObjectNetwork, Observation, ScanGeometry
 from shared.protocol.compact import tables
 from shared.protocol.compact.casting import _kernels as casting
+from shared.protocol.compact.correction import HEADING_UNIT as HEADING_STEP
+from shared.protocol.compact.correction import corrected, rotated
 from shared.protocol.compact.model import Coding
 from shared.protocol.compact.objects.walk import NetworkChoice, code_objects
 from shared.protocol.compact.scan import _kernels as scanning
@@ -24,8 +26,6 @@ IntArray = NDArray[np.int64]
 _BOOT, _GEOMETRY, _SEQUENCE, _STAMP, _SPEED, _TURN_RATE, _X, _Y, _HEADING, _STEP, _LEVEL = range(11)
 _HAS_OBJECTS = 11  # 12 to 22 are the objects'
 _SHIFT_X, _SHIFT_Y, _SHIFT_HEADING = 24, 25, 26
-_SHIFT_UNIT = 80  # 5 mm
-_SHIFT_HEADING_UNIT = 320  # 1.9 mrad
 _KEY_DISTANCE = 1_600  # 10 cm
 _KEY_TURN = 16_700  # 0.1 rad
 _MOST_SCANS_IN_MEAN = 6
@@ -163,45 +163,27 @@ def _ahead(state: State, twice_speed: int, twice_turn_rate: int) -> tuple[int, i
     return x, y, heading + (turned + HEADING_UNIT // 2) // HEADING_UNIT
 
 
-def _rotated(x: int, y: int, angle: int) -> tuple[int, int]:
-    c, s = int(casting.sine(angle + tables.TURN // 4, tables.SINE)), int(casting.sine(angle, tables.SINE))
-    return (c * x - s * y) >> 20, (s * x + c * y) >> 20
-
-
 def _code_correction(
     coding: Coding, state: State, choice: Choice | None, was: tuple[int, int, int], motion: IntArray, sweep: Sweep
 ) -> int:
     """Move `state.here` by odometry and by what brings the scan nearer to the last one; how far it turned."""
     turned = (state.odom[2] - was[2]) * HEADING_UNIT
-    dx, dy = _rotated(
+    dx, dy = rotated(
         16 * (state.odom[0] - was[0]), 16 * (state.odom[1] - was[1]), state.here[2] - was[2] * HEADING_UNIT
     )
     x, y, heading = state.here[0] + dx, state.here[1] + dy, state.here[2] + turned
     wanted = (0, 0, 0)
     if choice is not None:
         wanted = choice.correction(state, np.array((x, y, heading), np.int64), motion, sweep)
-    ahead = coding.number(wanted[0], _SHIFT_X, 8)
-    aside = coding.number(wanted[1], _SHIFT_Y, 8)
-    by = coding.number(wanted[2], _SHIFT_HEADING, 8) * _SHIFT_HEADING_UNIT
-    dx, dy = _rotated(ahead * _SHIFT_UNIT, aside * _SHIFT_UNIT, heading)
-    x, y = x + dx, y + dy
-    if max(abs(x), abs(y)) > 32 * _FURTHEST:
-        raise Unfit("a pose of none")
-    state.here = (x, y, (heading + by) % tables.TURN)
-    return turned + by
-
-
-def quantised_correction(shift: NDArray[np.float64], heading: int) -> tuple[int, int, int]:
-    """The correction nearest to a shift (3,) of the pose, in the units that are sent."""
-    angle = heading / tables.TURN * math.tau
-    c, s = math.cos(angle), math.sin(angle)
-    values = (
-        (c * shift[0] + s * shift[1]) / _SHIFT_UNIT,
-        (c * shift[1] - s * shift[0]) / _SHIFT_UNIT,
-        shift[2] / _SHIFT_HEADING_UNIT,
+    correction = (
+        coding.number(wanted[0], _SHIFT_X, 8),
+        coding.number(wanted[1], _SHIFT_Y, 8),
+        coding.number(wanted[2], _SHIFT_HEADING, 8),
     )
-    ahead, aside, by = (max(-255, min(255, round(v))) for v in values)
-    return ahead, aside, by
+    state.here = corrected((x, y, heading), correction)
+    if max(abs(state.here[0]), abs(state.here[1])) > 32 * _FURTHEST:
+        raise Unfit("a pose of none")
+    return turned + correction[2] * HEADING_STEP
 
 
 def _code_scan(

@@ -41,3 +41,18 @@ def add_up(rays: Ints, hits: Ints, pose: Ints, ranges_mm: Ints, kernel: float, s
             for b in range(3):
                 sums[a, b] += weight * slope[a] * slope[b]
             sums[a, 3] += weight * slope[a] * off
+
+
+@njit(nogil=True, cache=True)
+def rough_cost(hits: Ints, ranges_mm: Ints, step: int, costs: Ints) -> int:
+    """About what a scan would cost to say, in 1/16 bit; `costs` (C,): of a range that is so many steps off."""
+    total = 0
+    for i in range(hits.shape[0]):
+        if hits[i, 0] == 0 and ranges_mm[i] == 0:
+            continue
+        if hits[i, 0] == 0 or ranges_mm[i] == 0:
+            total += 48
+            continue
+        off = abs(ranges_mm[i] - ((hits[i, 0] + 8) >> 4))
+        total += costs[min(costs.shape[0] - 1, (2 * off + step) // (2 * step))]
+    return total

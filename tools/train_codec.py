@@ -1,0 +1,59 @@
+"""`python -m tools.train_codec OUT LOG...`: what profile COMPACT knows of scans and objects before the first one.
+
+Both sides must have the same table: a new one is a new version of the protocol.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from shared.command_line import EXIT_MISUSE, EXIT_OK
+from shared.messages import Observation
+from shared.protocol.compact.encoder import Encoder
+from shared.protocol.compact.model import Model
+from shared.protocol.compact.state import State
+from tools.evaluate.codec import recorded, thinned
+from tools.logs.urg import UrgReader
+
+_ROUNDS = 2
+_MOST_COUNT = 24  # a counter that comes along is as sure as one that has seen so many
+_FEWEST_COUNT = 2  # what was seen less often is left out
+
+
+def main(arguments: list[str]) -> int:
+    if len(arguments) < 2:
+        print(__doc__)
+        return EXIT_MISUSE
+    out, *logs = map(Path, arguments)
+    model = Model.untrained()
+    for _ in range(_ROUNDS):
+        for log in logs:
+            model = _after(log, model)
+    save(model, out)
+    print(f"{out}: {out.stat().st_size} bytes")
+    return EXIT_OK
+
+
+def _after(log: Path, model: Model) -> Model:
+    observations: list[Observation] = recorded(log) if log.suffix == ".mcap" else [thinned(o) for o in UrgReader(log)]
+    encoder = Encoder(in_order=True, initial=lambda: State(model.copy()))
+    for observation in observations:
+        encoder.encode(observation)
+    newest = encoder.newest
+    return newest.model if newest is not None else model
+
+
+def save(model: Model, out: Path) -> None:
+    """Only the slots that were used often enough, and less sure than they are."""
+    count = model.slots & 1023
+    at = np.flatnonzero(count >= _FEWEST_COUNT).astype(np.uint32)
+    probability = model.slots[at] >> 16 << 16
+    slots = (probability | np.minimum(count[at], _MOST_COUNT)).astype(np.uint32)
+    np.savez_compressed(out, at=at, slots=slots, weights=model.weights, refined=model.refined)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
