@@ -114,10 +114,12 @@ class Lanes:
         self.peer_has_left = False
         self._bulk_limit_bytes = bulk_limit_bytes
         self._most_datagram_bytes = most_datagram_bytes
+        self.resets = -1
         self.reset()
 
     def reset(self) -> None:
         """The other side began anew: what was meant for it is gone."""
+        self.resets += 1
         self.bulk = _Stream(Lane.BULK, self._most_datagram_bytes)
         self.commands = _Stream(Lane.COMMAND, self._most_datagram_bytes)
         self._streams = {Lane.BULK: self.bulk, Lane.COMMAND: self.commands}

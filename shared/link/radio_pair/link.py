@@ -99,6 +99,11 @@ class RadioPair:
             return self._lanes.waiting_bytes
 
     @property
+    def resets(self) -> int:
+        """How often what was on its way was forgotten, because the other side had begun anew."""
+        return self._lanes.resets
+
+    @property
     def goodput_bps(self) -> float:
         """Bits of the bulk that the other side has acknowledged, over the last 5 s."""
         with self._changed:

@@ -109,7 +109,7 @@ class AskingTurns:
                 return None
             state.probe_at_s = now_s + self._config.probe_s
             return self._ask(state, self._question(radio))
-        if radio == self._turn_radio and now_s >= self._next_turn_s():
+        if radio == self._turn_radio and now_s + self._lead_s() >= self._next_turn_s():
             return self._ask(state, self._question(radio))
         return self._conversation.next_packet(radio, turn=False, report=False)
 
@@ -125,6 +125,10 @@ class AskingTurns:
         if self._conversation.lanes.has_something or state.probe_at_s is not None:
             return due_s
         return max(due_s, self._next_turn_s()) if radio == self._turn_radio else math.inf
+
+    def _lead_s(self) -> float:
+        """A packet is handed over while another is on its way: by so much it leaves later."""
+        return self._timing.slot_s if self._conversation.lanes.has_something else 0.0
 
     def _next_turn_s(self) -> float:
         lanes, config = self._conversation.lanes, self._config
