@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -17,8 +17,16 @@ if TYPE_CHECKING:
     from station_gui.mapping.saved_map import SavedMap
 
 
+Admits = Callable[[float, float], bool]  # fit and surprise of a scan: whether it may enter the map
+
+
 class MappingError(Exception):
     """Mapping cannot use what it was given; the last map stays."""
+
+
+def admit_all(fit: float, surprise: float) -> bool:
+    """Where nobody is in doubt."""
+    return True
 
 
 class Slam(Protocol):
@@ -67,6 +75,13 @@ class StoredSlam(Slam, Protocol):
         """As `add`, for a robot that somebody else has found to be at this place of the map."""
         ...
 
+    def join(self, scan: PointScan, map_from_robot: Pose2, first: int) -> Pose2:
+        """As `resume`, where the keyframes from `first` on are a piece that hangs on the rest by odometry alone.
+
+        A method that can moves the piece to where it belongs.
+        """
+        ...
+
     @property
     def lost_scans(self) -> int:
         """How many scans in a row have not fitted."""
@@ -75,6 +90,15 @@ class StoredSlam(Slam, Protocol):
     @property
     def fit(self) -> float:
         """Share of the newest scan's points that fitted, 0 where the match was not believed."""
+        ...
+
+    @property
+    def surprise(self) -> float:
+        """How far the newest scan's match was from what odometry says, in standard deviations of that."""
+        ...
+
+    def guard(self, admits: Admits) -> None:
+        """Ask `admits` from now on; what it turns away is only tracked."""
         ...
 
     @property

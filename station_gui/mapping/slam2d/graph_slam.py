@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from shared.geometry.se2 import Pose2
 from station_gui.mapping.saved_map import SavedMap
 from station_gui.mapping.scan import PointScan
-from station_gui.mapping.slam2d.base import MappingError
+from station_gui.mapping.slam2d.base import Admits, MappingError, admit_all
 from station_gui.mapping.slam2d.config import GraphSlamConfig
 from station_gui.mapping.slam2d.graph.loop_closure import LoopCloser, edge_information
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
@@ -59,8 +59,12 @@ class GraphSlam:
         self._since_rebuild_m = 0.0
         self._node_way_m = 0.0
         self._node_turn_rad = 0.0
+        self._node_misfit = 0.0  # of its scans, the shares of points that did not fit
+        self._node_scans = 0
         self._lost_scans = 0
         self._fit = 1.0
+        self._surprise = 0.0
+        self._admits: Admits = admit_all
 
     def add(self, scan: PointScan) -> Pose2:
         """See `Slam.add`. Raises MappingError for a scan that holds anything but finite numbers."""
@@ -93,6 +97,14 @@ class GraphSlam:
         return self._fit
 
     @property
+    def surprise(self) -> float:
+        """See `StoredSlam`."""
+        return self._surprise
+
+    def guard(self, admits: Admits) -> None:
+        self._admits = admits
+
+    @property
     def keyframes(self) -> Sequence[Keyframe]:
         """In the order of `trajectory()`."""
         return self._keyframes
@@ -105,13 +117,12 @@ class GraphSlam:
     def resume(self, scan: PointScan, map_from_robot: Pose2) -> Pose2:
         """As `add`, for a robot that somebody else has found to be at this place of the map."""
         lines = self._lines(scan)
-        config = self._config.pose_graph
         pose = map_from_robot.as_array()
         away_m = np.hypot(*(self._graph.poses[:, :2] - pose[:2]).T)
         near = int(np.argmin(away_m))
         self._pose = pose
         self._node = self._append_node(pose)
-        information = np.diag(1.0 / np.square([config.found_shift_sigma_m] * 2 + [config.found_turn_sigma_rad]))
+        information = self._found_information()
         measured = between(self._graph.poses[near], pose)
         self._graph.add_edge(near, self._node, measured, information, max(float(away_m[near]), 0.1), robust=False)
         self._renew_window()
@@ -121,6 +132,35 @@ class GraphSlam:
         self._lost_scans = 0
         self._add_keyframe(scan, lines)
         return self._added(scan)
+
+    def join(self, scan: PointScan, map_from_robot: Pose2, first: int) -> Pose2:
+        """As `resume`, of a robot followed in a piece that begins with keyframe `first`: the piece comes along."""
+        if self._lost_scans or len(self._keyframes) <= first:  # the piece ended somewhere else
+            return self.resume(scan, map_from_robot)
+        self.add(scan)
+        found, piece = map_from_robot.as_array(), self._keyframes[first].node
+        away_m = np.hypot(*(self._graph.poses[:piece, :2] - found[:2]).T)
+        old = int(np.argmin(away_m))
+        node_at = compose(found, between(self._pose_in_node(), np.zeros(3)))
+        measured = between(self._graph.poses[old], node_at)
+        way_m = max(float(away_m[old]), 0.1)
+        self._graph.add_edge(old, self._node, measured, self._found_information(), way_m, robust=False)
+        self._upkeep.closed.append((old, self._node))
+        self._settle()
+        return Pose2.from_array(self._map_pose())
+
+    def _settle(self) -> None:
+        """One optimisation, at once, with all edges."""
+        for begin in (False, True):
+            if begin:
+                self._graph.begin_optimisation()
+            while self._graph.optimising:
+                if self._upkeep.step():
+                    self._note_revision()
+
+    def _found_information(self) -> NDArray[np.float64]:
+        config = self._config.pose_graph
+        return np.diag(1.0 / np.square([config.found_shift_sigma_m] * 2 + [config.found_turn_sigma_rad]))
 
     def _lines(self, scan: PointScan) -> LineScan:
         if not (np.isfinite(scan.points_m).all() and np.isfinite(scan.odom_from_robot.as_array()).all()):
@@ -192,6 +232,8 @@ class GraphSlam:
             self._motion.miss()
         self._pose = match.pose
         self._count_way(before)
+        self._node_misfit += 1.0 - match.share
+        self._node_scans += 1
         if len(lines.points_m) >= self._config.match.min_points:
             self._fit = match.share
         if match.share > 0.0:
@@ -201,6 +243,8 @@ class GraphSlam:
             self._lost_scans += 1
             if self._lost_scans > self._config.match.patience_scans:
                 self._start_over(scan, lines)
+            return
+        if not self._admits(self._fit, self._surprise):
             return
         if self._node_is_full():
             self._next_node(match)
@@ -216,7 +260,8 @@ class GraphSlam:
             return Match(predicted, np.diag(weight), 0.0, 0.0)
         match = self._matcher.match(lines, self._local.current, predicted, weight)
         away = between(predicted, match.pose) / prediction.sigma
-        if not np.isfinite(away).all() or match.share < self._needed_share(float(np.abs(away).max())):
+        self._surprise = float(np.abs(away).max())
+        if not np.isfinite(away).all() or match.share < self._needed_share(self._surprise):
             return Match(predicted, np.diag(weight), 0.0, 0.0)
         return match
 
@@ -241,8 +286,12 @@ class GraphSlam:
     def _next_node(self, match: Match) -> None:
         config = self._config.pose_graph
         measured = self._pose_in_node()
+        loose = 1.0 + config.misfit_ratio * self._node_misfit / max(self._node_scans, 1)
         information = edge_information(
-            match.information, float(self._local_from_node[2]), config.shift_sigma_m, config.turn_sigma_rad
+            match.information,
+            float(self._local_from_node[2]),
+            loose * config.shift_sigma_m,
+            loose * config.turn_sigma_rad,
         )
         before, way_m = self._node, self._node_way_m
         self._new_node()
@@ -283,6 +332,8 @@ class GraphSlam:
         self._first_keyframe.append(len(self._keyframes))
         self._node_way_m = 0.0
         self._node_turn_rad = 0.0
+        self._node_misfit = 0.0
+        self._node_scans = 0
         return self._graph.add_node(pose)
 
     def _is_keyframe(self, points: int) -> bool:

@@ -15,9 +15,11 @@ from shared.geometry.se2 import Pose2
 from station_gui.mapping.slam2d.base import MappingError
 from station_gui.mapping.slam2d.config import GridConfig
 from station_gui.mapping.slam2d.grid import _kernels
+from station_gui.mapping.slam2d.share import Share, Task
 from station_gui.mapping.snapshot import GridMap
 
 _MARGIN_M = 0.5
+_ROWS_AT_ONCE = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,6 +177,26 @@ class OccupancyGrid:
         probability = self._probability.copy()
         probability.setflags(write=False)
         return GridMap(probability, self._origin_m, self._cell_m)
+
+    def make_room(self, low_m: NDArray[np.float64], high_m: NDArray[np.float64]) -> None:
+        """For all that will come between the corners `low_m` and `high_m`, (2,), map frame.
+
+        Raises MappingError where that is more than is allowed.
+        """
+        self._make_room(_Box(float(low_m[0]), float(low_m[1]), float(high_m[0]), float(high_m[1])))
+
+    def refresh_slowly(self, share: Share) -> Task:
+        """The work of the next snapshot, as far as the share goes at a time; nothing may be added meanwhile."""
+        while self._dirty is not None:
+            if share.left <= 0:
+                yield
+            whole = self._dirty
+            high_y = whole.low_y + _ROWS_AT_ONCE * self._cell_m
+            self._dirty = _Box(whole.low_x, whole.low_y, whole.high_x, min(high_y, whole.high_y))
+            self._refresh()
+            share.take(_ROWS_AT_ONCE * self._hits.shape[1])
+            if high_y < whole.high_y:
+                self._dirty = _Box(whole.low_x, high_y, whole.high_x, whole.high_y)
 
     def _trace(self, scan: _Drawn, change: int) -> None:
         _kernels.trace_scan(

@@ -16,11 +16,13 @@ class ReferenceConfig:
     """The map as it is searched."""
 
     cell_m: float = 0.05  # doubled until the map has no more than
-    max_cells: int = 25_000_000
+    max_cells: int = 9_000_000
+    max_grid_cells: int = 4_000_000  # of the free space
     search_cells: int = 100_000  # the same for the likelihood that is searched
     reach_m: float = 0.4  # a scan may be this far off and still find its surfel
     max_surfels: int = 2_000_000
-    scans_per_step: int = 24
+    units_per_step: int = 250_000  # a unit is about 15 ns
+    units_per_beam_m: float = 12.0  # to draw a beam through its cells
     margin_m: float = 1.0  # round the map
     free_below: float = 0.35  # probability of a cell that is known to be free
     stand_off_m: float = 0.2  # a scanner stands no farther than this from a place that is known to be free
@@ -67,10 +69,34 @@ class VerifyConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class DoubtConfig:
+    """When a robot that is followed may have been carried off."""
+
+    fit_drop: float = 0.06  # a scan that fits so much worse than usual is odd,
+    jump_sigmas: float = 10.0  # and one that lies so far from where odometry says
+    usual_rate: float = 0.05  # at which the usual fit follows the newest one
+    odd_scans: int = 3  # so many begin a doubt,
+    calm_scans: int = 3  # so many others in a row end it
+    rest_scans: int = 50  # after a doubt that was unfounded
+    min_keyframes: int = 10  # in the map
+    reach_m: float = 15.0  # nobody carries it farther between two scans
+    max_keyframes: int = 400  # evenly chosen
+    usual_keyframes: int = 10  # that say how many impossible beams are usual
+    impossible: float = 0.04  # more than is usual
+    apart_m: float = 1.0  # a place that is nearer to where the robot is followed,
+    apart_rad: float = math.radians(20.0)  # and turned less, is the drift of the map
+    rival_share: float = 0.1  # of the beams, that another place has to explain better
+    longest_scans: int = 30  # after a search that found nothing better
+    longest_m: float = 0.3  # driven, for meanwhile the map does not grow, and new places fit worse,
+    turn_m: float = 0.6  # with so much for each radian
+
+
+@dataclass(frozen=True, slots=True)
 class LocalisationConfig:
     reference: ReferenceConfig = field(default_factory=ReferenceConfig)
     search: SearchConfig = field(default_factory=SearchConfig)
     verify: VerifyConfig = field(default_factory=VerifyConfig)
+    doubt: DoubtConfig = field(default_factory=DoubtConfig)
     trail: GraphSlamConfig = field(default_factory=GraphSlamConfig)  # follows the robot while it is lost
     trail_m: float = 4.0  # how much of the way so far is looked for
     trail_scans: int = 40
@@ -78,10 +104,4 @@ class LocalisationConfig:
     look_again_scans: int = 50  # at one place, in doubt: the robot looks anew
     search_again_m: float = 0.4  # driven, after a search that has found nothing to believe
     lost_scans: int = 8  # in a row that do not fit: the robot is lost
-    doubt_share: float = 0.06  # a scan that fits so much worse than usual: the robot may have been carried off
-    usual_rate: float = 0.05  # at which the usual fit follows the newest one
-    doubt_scans: int = 30  # after a search of the map that found no better place
-    carried_m: float = 1.0  # a place that is nearer to where the robot is followed,
-    carried_rad: float = math.radians(20.0)  # and turned less, is the drift of the map
-    carried_impossible: float = 0.1  # of the beams at the place where the robot is followed
     give_up_m: float = 6.0  # driven while it is lost: a new piece of map begins, where the map may grow

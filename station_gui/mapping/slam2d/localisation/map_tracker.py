@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from shared.geometry.se2 import Pose2
 from station_gui.mapping.saved_map import SavedMap
 from station_gui.mapping.scan import PointScan
-from station_gui.mapping.slam2d.base import MappingError
+from station_gui.mapping.slam2d.base import Admits, MappingError
 from station_gui.mapping.slam2d.config import GraphSlamConfig
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
 from station_gui.mapping.slam2d.graph.stored import fill
@@ -42,6 +42,7 @@ class MapTracker:
         self._window_at = np.zeros(3)
         self._lost_scans = 0
         self._fit = 1.0
+        self._surprise = 0.0
 
     def load(self, saved: SavedMap) -> None:
         fill(self._graph, saved)
@@ -93,7 +94,7 @@ class MapTracker:
         sigma = np.array([shift_m, shift_m, turn_rad])
         match = self._matcher.match(lines, self._window.current, predicted, 1.0 / np.square(sigma))
         self._fit = match.share
-        away = float(np.abs(between(predicted, match.pose) / sigma).max())
+        away = self._surprise = float(np.abs(between(predicted, match.pose) / sigma).max())
         least = config.regained_share if self._lost_scans else config.lost_share
         needed = least + min(1.0, away / (config.far_sigmas * (1 + self._lost_scans))) * (config.far_share - least)
         if not np.isfinite(match.pose).all() or match.share < needed:
@@ -119,6 +120,10 @@ class MapTracker:
         self._scans.append(node, between(self._graph.poses[node], self._pose))
         return Pose2.from_array(self._pose)
 
+    def join(self, scan: PointScan, map_from_robot: Pose2, first: int) -> Pose2:
+        """There are no pieces."""
+        return self.resume(scan, map_from_robot)
+
     @property
     def lost_scans(self) -> int:
         return self._lost_scans
@@ -126,6 +131,13 @@ class MapTracker:
     @property
     def fit(self) -> float:
         return self._fit
+
+    @property
+    def surprise(self) -> float:
+        return self._surprise
+
+    def guard(self, admits: Admits) -> None:
+        """Nothing enters the map."""
 
     @property
     def keyframes(self) -> Sequence[Keyframe]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +19,15 @@ from station_gui.mapping.slam2d.keyframes import Keyframe
 from station_gui.mapping.slam2d.localisation.config import ReferenceConfig
 from station_gui.mapping.slam2d.matching.local_map import LocalMap
 from station_gui.mapping.slam2d.matching.scan_matcher import ScanMatcher
-from station_gui.mapping.slam2d.search.branch_and_bound import Pyramid, build_pyramid
+from station_gui.mapping.slam2d.search.branch_and_bound import Pyramid, build_pyramid, fill_pyramid
+from station_gui.mapping.slam2d.share import Share, Task
 from station_gui.mapping.snapshot import GridMap
 
 FloatArray = NDArray[np.float64]
 
 _NO_FADING = math.inf
+_ROWS_AT_ONCE = 32
+_UNITS_PER_SCAN = 1500
 _LARGEST_REACH_CELLS = 15  # squared distances are kept in eight bits
 
 
@@ -40,40 +44,81 @@ class Reference:
     ) -> None:
         """`poses`: (K, 3) of the keyframes, map frame."""
         self._config = config
-        self._drawn = OccupancyGrid(grid)
-        low, high = _extent(keyframes, poses)
-        side_m = float((high - low).max()) + 2 * config.margin_m
-        cell_m = config.cell_m
-        while (side_m / cell_m) ** 2 > config.max_cells:
-            cell_m *= 2
-        reach = min(max(2, math.ceil(config.reach_m / cell_m)), _LARGEST_REACH_CELLS)
-        hits = sum(len(keyframe.points_m) for keyframe in keyframes)
-        self.local_map = LocalMap(side_m, cell_m, reach, min(max(hits, 1), config.max_surfels), _NO_FADING)
-        self.local_map.clear(*(0.5 * (low + high)).tolist())
-        self.matcher = ScanMatcher(match, reach, cell_m)
-        self._waiting = list(zip(keyframes, poses, strict=True))[::-1]
+        self._match = match
+        self._drawn = OccupancyGrid(replace(grid, max_cells=min(grid.max_cells, config.max_grid_cells)))
+        self._scans = list(zip(keyframes, poses, strict=True))
+        self._share = Share()
+        self._task: Task | None = self._make()
+        self._local_map: LocalMap | None = None
+        self._matcher: ScanMatcher | None = None
         self._pyramid: Pyramid | None = None
         self._grid: GridMap | None = None
         self._free: NDArray[np.uint8] | None = None
 
     def step(self) -> bool:
-        """Draw some more scans; True once the map can be searched."""
-        if self._pyramid is not None and self._free is not None:
+        """Make some more of it; True once the map can be searched."""
+        if self._task is None:
             return True
-        batch = [self._waiting.pop() for _ in range(min(self._config.scans_per_step, len(self._waiting)))]
-        for keyframe, pose in batch:
-            scan = keyframe.lines()
-            self.local_map.insert(scan.points_m, scan.normals, pose)
-        with contextlib.suppress(MappingError):  # a map too large for a grid is judged by its surfels alone
-            self._drawn.add_all([keyframe for keyframe, _ in batch], np.array([pose for _, pose in batch]))
-        if self._waiting:
-            return False
-        if self._pyramid is None:
-            self._pyramid = self._likelihoods()
-        else:
-            self._grid = self._drawn.snapshot()
-            self._free = self._free_places(self._pyramid, self._grid)
+        if self._share.run(self._task, self._config.units_per_step):
+            self._task = None
+            self._scans = []
         return False
+
+    def _make(self) -> Task:
+        share = self._share
+        low, high = yield from self._extent()
+        local_map, matcher = self._windows(low, high)
+        with contextlib.suppress(MappingError):  # a map too large for a grid is judged by its surfels alone
+            self._drawn.make_room(low, high)
+        for keyframe, pose in self._scans:
+            if share.left <= 0:
+                yield
+            scan = keyframe.lines()
+            share.take(local_map.insert(scan.points_m, scan.normals, pose))
+            with contextlib.suppress(MappingError):
+                self._drawn.add(keyframe.points_m, keyframe.scanner_m, pose)
+            way_m = float(np.hypot(*(keyframe.points_m - keyframe.scanner_m).T).sum())
+            share.take(round(way_m * self._config.units_per_beam_m))
+        self._local_map, self._matcher = local_map, matcher
+        self._pyramid = yield from self._likelihoods(local_map, matcher)
+        yield from self._drawn.refresh_slowly(share)
+        yield
+        self._grid = self._drawn.snapshot()
+        yield
+        self._free = yield from self._free_places(self._pyramid, self._grid)
+
+    def _extent(self) -> Generator[None, None, tuple[FloatArray, FloatArray]]:
+        """The lowest and the highest x and y, (2,) each, of robots and hits."""
+        low, high = np.full(2, np.inf), np.full(2, -np.inf)
+        for keyframe, pose in self._scans:
+            if self._share.left <= 0:
+                yield
+            hits = np.vstack((pose[:2], Pose2.from_array(pose).apply(keyframe.points_m)))
+            low, high = np.minimum(low, hits.min(axis=0)), np.maximum(high, hits.max(axis=0))
+            self._share.take(_UNITS_PER_SCAN + len(hits))
+        return low, high
+
+    def _windows(self, low: FloatArray, high: FloatArray) -> tuple[LocalMap, ScanMatcher]:
+        config = self._config
+        side_m = float((high - low).max()) + 2 * config.margin_m
+        cell_m = config.cell_m
+        while (side_m / cell_m) ** 2 > config.max_cells:
+            cell_m *= 2
+        reach = min(max(2, math.ceil(config.reach_m / cell_m)), _LARGEST_REACH_CELLS)
+        hits = sum(len(keyframe.points_m) for keyframe, _ in self._scans)
+        local_map = LocalMap(side_m, cell_m, reach, min(max(hits, 1), config.max_surfels), _NO_FADING)
+        local_map.clear(*(0.5 * (low + high)).tolist())
+        return local_map, ScanMatcher(self._match, reach, cell_m)
+
+    @property
+    def local_map(self) -> LocalMap:
+        assert self._local_map is not None, "the reference is not ready"
+        return self._local_map
+
+    @property
+    def matcher(self) -> ScanMatcher:
+        assert self._matcher is not None, "the reference is not ready"
+        return self._matcher
 
     @property
     def grid(self) -> GridMap:
@@ -91,35 +136,37 @@ class Reference:
         assert self._free is not None, "the reference is not ready"
         return self._free
 
-    def _likelihoods(self) -> Pyramid:
-        local_map, config = self.local_map, self._config
+    def _likelihoods(self, local_map: LocalMap, matcher: ScanMatcher) -> Generator[None, None, Pyramid]:
+        config = self._config
         cell_m = local_map.cell_m
         while (local_map.size_m / cell_m) ** 2 > config.search_cells:
             cell_m *= 2
-        return build_pyramid(*self.matcher.likelihood(local_map, cell_m), config.depth)
+        factor = round(cell_m / local_map.cell_m)
+        side = len(local_map.distance2) // factor
+        levels = np.zeros((config.depth + 1, side, side), np.uint8)
+        yield from matcher.fill_likelihood(local_map, levels[0], self._share)
+        pyramid = Pyramid(levels, (local_map.origin_x_m, local_map.origin_y_m), factor * local_map.cell_m)
+        yield from fill_pyramid(pyramid, self._share)
+        return pyramid
 
-    def _free_places(self, pyramid: Pyramid, grid: GridMap) -> NDArray[np.uint8]:
+    def _free_places(self, pyramid: Pyramid, grid: GridMap) -> Generator[None, None, NDArray[np.uint8]]:
         """Cells near to one that was seen to be free."""
         cell_m = pyramid.cell_m
-        rows, columns = np.nonzero(grid.probability < self._config.free_below)
-        x = grid.origin_m[0] + (columns + 0.5) * grid.cell_m
-        y = grid.origin_m[1] + (rows + 0.5) * grid.cell_m
         free = np.zeros_like(pyramid.levels[0])
-        column = np.floor((x - pyramid.origin_m[0]) / cell_m).astype(np.int64)
-        row = np.floor((y - pyramid.origin_m[1]) / cell_m).astype(np.int64)
-        inside = (column >= 0) & (row >= 0) & (column < free.shape[1]) & (row < free.shape[0])
-        free[row[inside], column[inside]] = 1
+        for first in range(0, len(grid.probability), _ROWS_AT_ONCE):
+            if self._share.left <= 0:
+                yield
+            band = grid.probability[first : first + _ROWS_AT_ONCE]
+            rows, columns = np.nonzero(band < self._config.free_below)
+            x = grid.origin_m[0] + (columns + 0.5) * grid.cell_m
+            y = grid.origin_m[1] + (rows + first + 0.5) * grid.cell_m
+            column = np.floor((x - pyramid.origin_m[0]) / cell_m).astype(np.int64)
+            row = np.floor((y - pyramid.origin_m[1]) / cell_m).astype(np.int64)
+            inside = (column >= 0) & (row >= 0) & (column < free.shape[1]) & (row < free.shape[0])
+            free[row[inside], column[inside]] = 1
+            self._share.take(band.size)
+        yield
         away = ndimage.distance_transform_edt(free == 0) * cell_m
-        return build_pyramid(
-            (away <= self._config.stand_off_m).astype(np.uint8), pyramid.origin_m, cell_m, self._config.depth
-        ).levels
-
-
-def _extent(keyframes: Sequence[Keyframe], poses: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The lowest and the highest x and y, (2,) each, of robots and hits."""
-    low, high = poses[:, :2].min(axis=0), poses[:, :2].max(axis=0)
-    for keyframe, pose in zip(keyframes, poses, strict=True):
-        if len(keyframe.points_m):
-            hits = Pose2.from_array(pose).apply(keyframe.points_m)
-            low, high = np.minimum(low, hits.min(axis=0)), np.maximum(high, hits.max(axis=0))
-    return low, high
+        yield
+        near = (away <= self._config.stand_off_m).astype(np.uint8)
+        return build_pyramid(near, pyramid.origin_m, cell_m, self._config.depth).levels

@@ -59,12 +59,33 @@ class Relocaliser:
         """Some places may be it, or the first look at the map has not ended."""
         return bool(self.hypotheses) or self._searches == 0 or bool(self._waiting)
 
+    @property
+    def settled(self) -> bool:
+        """What was seen until now has been looked for, and every place judged."""
+        return self._searches > 0 and self._search is None and not self._waiting
+
+    def rival(self, map_from_robot: Pose2) -> Hypothesis | None:
+        """The best place that may be believed and is not this one."""
+        config = self._config.verify
+        for h in self.hypotheses:
+            if h.beams < config.min_points or h.good_share < config.min_good_share or h.support < config.min_support:
+                continue
+            away = map_from_robot.inverse() @ Pose2.from_array(h.map_from_trail) @ self.trail_from_robot
+            doubt = self._config.doubt
+            if away.distance_m(Pose2()) >= doubt.apart_m or abs(away.theta_rad) >= doubt.apart_rad:
+                return h
+        return None
+
+    def judged(self, query: Query, map_from_query: FloatArray) -> Hypothesis:
+        """How well the map agrees with a query that lies there, (3,); the map has to be ready."""
+        return verify(self._config.verify, self._reference, query, map_from_query)
+
     def judged_at(self, map_from_robot: Pose2) -> Hypothesis | None:
         """How well the map agrees with the robot being there; None before there is anything to say."""
         if self._query is None:
             return None
         start = (map_from_robot @ self.trail_from_robot.inverse()).as_array()
-        return verify(self._config.verify, self._reference, self._query, start)
+        return self.judged(self._query, start)
 
     def add(self, scan: PointScan) -> Pose2 | None:
         """The robot in the map at this scan, once there is no doubt."""

@@ -12,6 +12,7 @@ from station_gui.mapping.slam2d.base import StoredSlam
 from station_gui.mapping.slam2d.config import GridConfig
 from station_gui.mapping.slam2d.keyframes import Placed
 from station_gui.mapping.slam2d.localisation.config import LocalisationConfig
+from station_gui.mapping.slam2d.localisation.doubt import Check, Verdict, Wariness
 from station_gui.mapping.slam2d.localisation.reference import Reference
 from station_gui.mapping.slam2d.localisation.relocaliser import Relocaliser
 from station_gui.mapping.slam2d.se2_arrays import compose
@@ -40,9 +41,9 @@ class SelfLocatingSlam:
         self._odometry = Pose2()
         self._pose = Pose2()
         self._relocaliser: Relocaliser | None = None
-        self._checker: Relocaliser | None = None  # looks for a better place while there is doubt
-        self._checked_scans = 0
-        self._usual_fit = 1.0
+        self._wariness = Wariness(config.doubt)
+        self._check: Check | None = None  # while there is doubt
+        inner.guard(self._admits)
         self._lost_way_m = 0.0
         self._piece_from: int | None = None  # first keyframe of a piece that hangs on the rest by odometry alone
         if given is not None:
@@ -53,7 +54,7 @@ class SelfLocatingSlam:
         """See `Slam.add`. While the robot is lost: its place by odometry from where it was seen last."""
         motion = self._odometry.inverse() @ scan.odom_from_robot if len(self) else Pose2()
         if self._relocaliser is None:
-            self._follow(scan)
+            self._follow(scan, motion)
         elif self._piece_from is None:
             self._look(self._relocaliser, scan, motion)
         else:
@@ -64,47 +65,39 @@ class SelfLocatingSlam:
     def __len__(self) -> int:
         return len(self._early) + len(self._scans)
 
-    def _follow(self, scan: PointScan) -> None:
-        keyframes = len(self._inner.keyframes)
-        self._pose = self._inner.add(scan)
+    def _admits(self, fit: float, surprise: float) -> bool:
+        """A piece of its own is held to nothing yet, and a map that has hardly begun tells nothing odd from new."""
+        young = len(self._inner.keyframes) < self._config.doubt.min_keyframes
+        return young or self._piece_from is not None or self._wariness.admits(fit, surprise)
+
+    def _follow(self, scan: PointScan, motion: Pose2) -> None:
+        inner, wariness = self._inner, self._wariness
+        self._pose = inner.add(scan)
         self._note_inner_scan()
-        if self._inner.lost_scans >= self._config.lost_scans:
-            self._lose(self._checker)
-        elif self._checker is not None:
-            self._check(self._checker, scan)
-        elif keyframes and self._inner.fit < self._usual_fit - self._config.doubt_share:
-            self._checker = self._new_relocaliser(keyframes)
-            self._check(self._checker, scan)
-        else:
-            self._usual_fit += self._config.usual_rate * (self._inner.fit - self._usual_fit)
+        if len(inner.keyframes) >= self._config.doubt.min_keyframes:
+            wariness.note(inner.fit, inner.surprise, motion)
+        if inner.lost_scans >= self._config.lost_scans:
+            self._lose(self._check.relocaliser if self._check is not None and self._check.everywhere else None)
+            return
+        if self._check is None and wariness.lasting:
+            self._check = Check(self._config, self._grid_config, inner, self._pose)
+        if self._check is not None:
+            self._go_on_checking(self._check, scan)
 
-    def _check(self, checker: Relocaliser, scan: PointScan) -> None:
-        """Carried off to where things look alike, a robot may fit by chance: is there a place that fits far better?"""
-        found = checker.add(scan)
-        self._checked_scans += checker.searches > 0
-        if found is not None and self._is_carried(checker, found):
-            self._lose(checker)
-        elif found is not None or self._checked_scans > self._config.doubt_scans:
-            self._forget_doubt()
-
-    def _is_carried(self, checker: Relocaliser, found: Pose2) -> bool:
-        config = self._config
-        away = self._pose.inverse() @ found
-        if away.distance_m(Pose2()) < config.carried_m and abs(away.theta_rad) < config.carried_rad:
-            return False
-        followed = checker.judged_at(self._pose)
-        return followed is not None and followed.impossible >= config.carried_impossible
-
-    def _forget_doubt(self) -> None:
-        self._checker = None
-        self._checked_scans = 0
-        self._usual_fit = self._inner.fit
+    def _go_on_checking(self, check: Check, scan: PointScan) -> None:
+        verdict = check.add(scan, self._pose, jumped=self._wariness.jumped)
+        if verdict is Verdict.CARRIED:
+            self._lose(check.relocaliser if check.everywhere else None)
+        elif verdict is Verdict.UNFOUNDED or not self._wariness.wary:
+            self._check = None
+            if verdict is Verdict.UNFOUNDED:
+                self._wariness.accept(self._inner.fit)
 
     def _map_apart(self, relocaliser: Relocaliser, first: int, scan: PointScan) -> None:
         """The new piece grows; meanwhile the robot is looked for in the old map, until it is found or a loop closes."""
         found = relocaliser.add(scan)
         if found is not None:
-            self._go_on(scan, found)
+            self._located(self._inner.join(scan, found, first))
             return
         self._pose = self._inner.add(scan)
         self._note_inner_scan()
@@ -117,17 +110,16 @@ class SelfLocatingSlam:
 
     def _lose(self, relocaliser: Relocaliser | None = None) -> None:
         """Look for the robot, by what looks for it already where there is one."""
-        self._relocaliser = relocaliser or self._new_relocaliser(len(self._inner.keyframes))
-        self._checker = None
-        self._checked_scans = 0
+        self._relocaliser = relocaliser or self._new_relocaliser()
+        self._check = None
+        self._wariness.begin()
         self._lost_way_m = 0.0
 
-    def _new_relocaliser(self, keyframes: int) -> Relocaliser:
-        """In the map of the first `keyframes`: what came later may lie wrong."""
+    def _new_relocaliser(self) -> Relocaliser:
         inner = self._inner
         reference = Reference(
-            self._config.reference, self._config.trail.match, self._grid_config, inner.keyframes[:keyframes],
-            inner.trajectory()[:keyframes, 1:],
+            self._config.reference, self._config.trail.match, self._grid_config, inner.keyframes,
+            inner.trajectory()[:, 1:],
         )  # fmt: skip
         return Relocaliser(self._config, reference)
 
@@ -149,11 +141,13 @@ class SelfLocatingSlam:
     def _go_on(self, scan: PointScan, found: Pose2) -> None:
         if self._inner_scans == 0:
             self._first_odometry = scan.odom_from_robot
-        self._pose = self._inner.resume(scan, found)
+        self._located(self._inner.resume(scan, found))
+
+    def _located(self, pose: Pose2) -> None:
+        self._pose = pose
         self._note_inner_scan()
         self._relocaliser = None
         self._piece_from = None
-        self._usual_fit = 1.0
         self._moved += 1
 
     def _is_joined(self, first: int) -> bool:

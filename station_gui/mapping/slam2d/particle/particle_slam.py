@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from shared.geometry.se2 import Pose2
 from station_gui.mapping.saved_map import SavedMap
 from station_gui.mapping.scan import PointScan
-from station_gui.mapping.slam2d.base import MappingError
+from station_gui.mapping.slam2d.base import Admits, MappingError, admit_all
 from station_gui.mapping.slam2d.grid.occupancy_grid import OccupancyGrid
 from station_gui.mapping.slam2d.keyframes import Keyframe, Placed
 from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, to_lines
@@ -63,6 +63,8 @@ class ParticleSlam:
         self._odometry = Pose2()
         self._lost_scans = 0
         self._fit = 1.0
+        self._surprise = 0.0
+        self._admits: Admits = admit_all
         self._revision = 0
         self._in_map: list[bool] = []  # of each step, whether its scan is
         self._path_end = -1
@@ -105,6 +107,10 @@ class ParticleSlam:
         self._record(scan, lines, np.ones(len(self._poses), bool), np.eye(3))
         return self._added(scan)
 
+    def join(self, scan: PointScan, map_from_robot: Pose2, first: int) -> Pose2:
+        """The piece stays where it is: the robot goes on in the old part."""
+        return self.resume(scan, map_from_robot)
+
     @property
     def lost_scans(self) -> int:
         """How many scans in a row have not fitted."""
@@ -114,6 +120,14 @@ class ParticleSlam:
     def fit(self) -> float:
         """Share of the newest scan's points that fitted, 0 where the match was not believed."""
         return self._fit
+
+    @property
+    def surprise(self) -> float:
+        """See `StoredSlam`."""
+        return self._surprise
+
+    def guard(self, admits: Admits) -> None:
+        self._admits = admits
 
     @property
     def keyframes(self) -> Sequence[Keyframe]:
@@ -179,7 +193,8 @@ class ParticleSlam:
         if len(lines.points_m) < self._config.proposal.min_points:
             return
         self._lost_scans = 0 if believed else self._lost_scans + 1
-        if self._gone_far() and (believed or self._lost_scans > self._config.update.patience_scans):
+        patient = not believed and self._lost_scans <= self._config.update.patience_scans
+        if self._gone_far() and not patient and self._admits(self._fit, self._surprise):
             self._step(scan, lines)
 
     def _correct(self, lines: LineScan, predicted: FloatArray, motion: FloatArray) -> bool:
@@ -192,6 +207,8 @@ class ParticleSlam:
         expected = compose(base, predicted)
         match = self._proposer.track(self._best, lines, expected, sigma)
         self._fit = match.share
+        away = between(expected, match.pose) / sigma
+        self._surprise = float(np.abs(away).max())
         if not self._proposer.believes(match, expected, sigma):
             return False
         self._rel = between(base, match.pose)

@@ -244,3 +244,69 @@ def test_scans_that_fit_worse_at_the_right_place_change_nothing(
         slam.add(scan_from(lab, way[24], rng, _SOMEWHERE @ way[24], 3.0 + 0.1 * k))
         assert slam.tracking is Tracking.LOCATED
     assert slam.revision == before
+
+
+def test_a_robot_found_in_the_old_map_brings_its_new_piece_along(
+    lab: FloatArray, lab_map: SavedMap, lap: LapMaker, other_room: FloatArray, scan_from: ScanMaker
+) -> None:
+    slam = GraphSlam(GraphSlamConfig())
+    slam.load(lab_map)
+    rng, way = np.random.default_rng(0), lap(100)
+    slam.resume(scan_from(lab, way[0], rng, way[0], 0.0), way[0])
+    for k in range(25):  # until it gives up, with the wheels on their way
+        odom = way[0] @ Pose2(0.05 * k, 0.0, 0.0)
+        slam.add(scan_from(other_room, Pose2(0.6 + 0.05 * k, 1.5, 0.0), rng, odom, 0.1 + 0.1 * k))
+    first, wrong = len(slam.keyframes), odom @ way[30].inverse()
+    for k in range(30, 80):
+        slam.add(scan_from(lab, way[k], rng, wrong @ way[k], 3.0 + 0.1 * k))
+    assert slam.lost_scans == 0
+    assert len(slam.keyframes) > first
+    apart = slam.pose_of_scan(70)
+    assert apart.distance_m(way[74]) > 0.3
+
+    pose = slam.join(scan_from(lab, way[80], rng, wrong @ way[80], 12.0), way[80], first)
+
+    assert pose.distance_m(way[80]) < 0.03
+    assert slam.pose_of_scan(70).distance_m(way[74]) < 0.05
+    pairs = slam.closures()
+    assert ((pairs.min(axis=1) < first) & (pairs.max(axis=1) >= first)).any()
+
+
+def _person(pose: Pose2, k: int) -> FloatArray:
+    """Two legs that walk across in front of the robot."""
+    side_m = -0.9 + 0.12 * k
+    legs = [pose @ Pose2(0.7, side_m + apart, 0.0) for apart in (-0.12, 0.12)]
+    return np.array([(p.x_m - 0.07, p.y_m - 0.07, p.x_m + 0.07, p.y_m + 0.07) for p in legs])
+
+
+@pytest.mark.parametrize("make_inner", [_graph, _particles, _tracker])
+def test_people_who_walk_past_leave_the_robot_where_it_is(
+    make_inner: Callable[[], StoredSlam], lab: FloatArray, lab_map: SavedMap, lap: LapMaker, scan_from: ScanMaker
+) -> None:
+    slam = _slam(make_inner(), lab_map, fixed=make_inner is _tracker)
+    way = lap(200)
+    _follow(slam, lab, way[:30], scan_from, _SOMEWHERE)
+    assert slam.tracking is Tracking.LOCATED
+    for k, pose in enumerate(way[30:90]):
+        walls = np.vstack((lab, _person(pose, k % 16)))
+        seen = slam.add(scan_from(walls, pose, np.random.default_rng(k), _SOMEWHERE @ pose, 3.0 + 0.1 * k))
+        assert slam.tracking is Tracking.LOCATED
+        assert seen.distance_m(pose) < 0.05
+
+
+@pytest.mark.parametrize("box", [(1.2, 0.2, 0.5, 0.4), (3.2, 1.9, 0.4, 0.6)])
+def test_a_box_that_was_moved_leaves_the_robot_where_it_is(
+    lab: FloatArray, lab_map: SavedMap, lap: LapMaker, scan_from: ScanMaker, box: tuple[float, float, float, float]
+) -> None:
+    x, y, width, height = box
+    a, b = x + width, y + height
+    moved = np.vstack((np.delete(lab, slice(4, 8), axis=0), [(x, y, a, y), (a, y, a, b), (a, b, x, b), (x, b, x, y)]))
+    slam = _slam(_graph(), lab_map)
+    way = lap(200)
+    _follow(slam, lab, way[:30], scan_from, _SOMEWHERE)
+    for walls, first, last in ((lab, 30, 40), (moved, 40, 110)):
+        for k in range(first, last):
+            pose = way[k] if k < 60 or k > 80 else way[60]
+            seen = slam.add(scan_from(walls, pose, np.random.default_rng(k), _SOMEWHERE @ pose, 0.1 * k))
+            assert slam.tracking is Tracking.LOCATED
+            assert seen.distance_m(pose) < 0.05

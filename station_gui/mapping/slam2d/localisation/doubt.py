@@ -1,0 +1,144 @@
+"""Whether scans that fit worse than usual mean that the robot was carried off while it was followed.
+
+A robot that stands where things look alike may fit by chance, well enough to be followed on. Three things tell it from
+one past which somebody walks: it lasts, more beams than usual go where the map has nothing, and there is another
+place that explains them far better.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+
+import numpy as np
+
+from shared.geometry.se2 import Pose2
+from station_gui.mapping.scan import PointScan
+from station_gui.mapping.slam2d.base import StoredSlam
+from station_gui.mapping.slam2d.config import GridConfig
+from station_gui.mapping.slam2d.localisation.config import DoubtConfig, LocalisationConfig
+from station_gui.mapping.slam2d.localisation.query import Query, gather
+from station_gui.mapping.slam2d.localisation.reference import Reference
+from station_gui.mapping.slam2d.localisation.relocaliser import Relocaliser
+
+
+class Wariness:
+    """Which scans are odd, and whether that lasts. While it may, no scan is to enter the map."""
+
+    def __init__(self, config: DoubtConfig) -> None:
+        self._config = config
+        self._usual_fit = 1.0
+        self._rest = 0  # scans that have to pass before the fit is doubted again
+        self.calm_down()
+
+    def calm_down(self) -> None:
+        self._odd_scans = 0
+        self._calm_scans = 0
+        self._way_m = 0.0  # since the first odd scan
+        self.jumped = False  # farther than odometry allows
+
+    def begin(self) -> None:
+        """The robot was found at a place: what was usual is of no concern."""
+        self._usual_fit = 1.0
+        self._rest = 0
+        self.calm_down()
+
+    def accept(self, fit: float) -> None:
+        """There was nothing in it: this is how scans fit here."""
+        self._usual_fit = fit
+        self._rest = self._config.rest_scans
+        self.calm_down()
+
+    def admits(self, fit: float, surprise: float) -> bool:
+        """Whether a scan may enter the map."""
+        return not (self.wary or self._is_odd(fit, surprise))
+
+    def note(self, fit: float, surprise: float, motion: Pose2) -> None:
+        """The newest scan, whether it entered the map or not; `motion` since the one before, by odometry."""
+        config = self._config
+        self._rest = max(0, self._rest - 1)
+        if self.wary:
+            self._way_m += motion.distance_m(Pose2()) + config.turn_m * abs(motion.theta_rad)
+            if self._way_m > config.longest_m:
+                self.accept(fit)
+                return
+        if self._is_odd(fit, surprise):
+            self._odd_scans += 1
+            self._calm_scans = 0
+            self.jumped = self.jumped or surprise > config.jump_sigmas
+            return
+        self._calm_scans += 1
+        if self._calm_scans >= config.calm_scans and not self.jumped:
+            self.calm_down()
+        if not self.wary:
+            self._usual_fit += config.usual_rate * (fit - self._usual_fit)
+
+    @property
+    def wary(self) -> bool:
+        return self._odd_scans > 0
+
+    @property
+    def lasting(self) -> bool:
+        return self.jumped or self._odd_scans >= self._config.odd_scans
+
+    def _is_odd(self, fit: float, surprise: float) -> bool:
+        if surprise > self._config.jump_sigmas:
+            return True
+        return self._rest == 0 and fit < self._usual_fit - self._config.fit_drop
+
+
+class Verdict(Enum):
+    OPEN = "open"
+    UNFOUNDED = "unfounded"
+    CARRIED = "carried off"
+
+
+class Check:
+    """Looks round where the robot is followed for a place that fits far better."""
+
+    def __init__(self, config: LocalisationConfig, grid: GridConfig, inner: StoredSlam, robot: Pose2) -> None:
+        """In the map as it is: nothing enters it meanwhile."""
+        self._config = config
+        keyframes, poses = inner.keyframes, inner.trajectory()[:, 1:]
+        away_m = np.hypot(poses[:, 0] - robot.x_m, poses[:, 1] - robot.y_m)
+        near = np.flatnonzero(away_m <= max(config.doubt.reach_m, float(away_m.min())))
+        self._usual = _usual_query(config, inner, near)
+        near = near[:: max(1, -(-len(near) // config.doubt.max_keyframes))]
+        self.everywhere = len(near) == len(keyframes)
+        known = [keyframes[k] for k in near.tolist()]
+        self.relocaliser = Relocaliser(
+            config, Reference(config.reference, config.trail.match, grid, known, poses[near])
+        )
+        self._usual_impossible: float | None = None
+        self._checked_scans = 0
+
+    def add(self, scan: PointScan, map_from_robot: Pose2, *, jumped: bool) -> Verdict:
+        """`map_from_robot`: where the robot is followed; `jumped`: to there, farther than odometry allows."""
+        config, relocaliser = self._config.doubt, self.relocaliser
+        relocaliser.add(scan)
+        followed = relocaliser.judged_at(map_from_robot)
+        if followed is None:
+            return Verdict.OPEN
+        self._checked_scans += relocaliser.searches > 0
+        if self._checked_scans > config.longest_scans:
+            return Verdict.UNFOUNDED
+        if self._usual_impossible is None:
+            self._usual_impossible = relocaliser.judged(self._usual, np.zeros(3)).impossible
+        if not jumped and followed.impossible < self._usual_impossible + config.impossible:
+            return Verdict.UNFOUNDED
+        if not relocaliser.settled:
+            return Verdict.OPEN
+        rival = relocaliser.rival(map_from_robot)
+        if rival is None:
+            return Verdict.UNFOUNDED
+        better = -config.rival_share if jumped else config.rival_share
+        return Verdict.CARRIED if rival.support >= followed.support + better else Verdict.OPEN
+
+
+def _usual_query(
+    config: LocalisationConfig, inner: StoredSlam, near: np.ndarray[tuple[int], np.dtype[np.int64]]
+) -> Query:
+    """The newest scans in the map, in its frame."""
+    newest = near[-config.doubt.usual_keyframes :]
+    verify = config.verify
+    keyframes = [inner.keyframes[k] for k in newest.tolist()]
+    return gather(keyframes, inner.trajectory()[newest, 1:], verify.spacing_m, verify.points)
