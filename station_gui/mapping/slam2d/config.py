@@ -134,6 +134,7 @@ class PoseGraphConfig:
 
     shift_sigma_m: float = 0.01  # of an edge, on top of what its match says
     turn_sigma_rad: float = math.radians(0.15)
+    misfit_ratio: float = 10.0  # wider by so much for each share of points that did not fit on its way: there it drifts
     lost_shift_sigma_m: float = 0.3
     lost_turn_sigma_rad: float = math.radians(10.0)
     found_shift_sigma_m: float = 0.03  # of an edge to a place where a lost robot was found

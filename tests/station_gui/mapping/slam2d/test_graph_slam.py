@@ -197,3 +197,21 @@ def test_a_robot_that_was_carried_off_begins_a_new_piece_of_map(
         np.testing.assert_allclose(moved, between(truth[60], truth[k]), atol=0.03)
     before = np.array([pose.as_array() for pose in lap(60)])
     assert float(np.hypot(*(poses[: len(first)] - before)[:, :2].T).max()) < 0.03
+
+
+def test_the_way_where_scans_fit_badly_is_held_loosely(lab: FloatArray, scan_from: ScanMaker, lap: LapMaker) -> None:
+    scans = _drive(lab, lap(80), scan_from)
+    rng = np.random.default_rng(1)
+
+    def with_a_crowd(scan: PointScan) -> PointScan:
+        points = scan.points_m.copy()
+        points[: len(points) // 4] *= rng.uniform(0.3, 0.7, (len(points) // 4, 1))
+        return PointScan(scan.stamp_s, scan.odom_from_robot, scan.origin_m, points)
+
+    empty, crowded = _run(scans), _run([scans[0], *(with_a_crowd(scan) for scan in scans[1:])])
+
+    def held(slam: GraphSlam) -> FloatArray:
+        saved = slam.saved()
+        return np.asarray(saved.information[~saved.robust].mean(axis=0).diagonal())
+
+    assert (held(crowded) < 0.5 * held(empty)).all()
