@@ -49,14 +49,18 @@ def decimate(depth: U16, unit_m: float, stride: int, near_m: float, far_m: float
 
 
 @njit(nogil=True, cache=True, **UNCOUNTED)
-def find_open(z: F32, min_cells: int, open_rows: I32) -> None:
+def find_open(depth: U16, z: F32, stride: int, near_depth: float, min_cells: int, open_rows: I32) -> None:
     """`open_rows`: (C,) how many cells from the top of a column look into open space.
 
-    A column without any return says nothing: something too near for the camera may fill it.
+    A column without any return says nothing: something too near for the camera may fill it. Nor is space open where a
+    value below `near_depth`, in the unit of `depth`, says that something is.
     """
+    half = stride // 2
     for j in range(z.shape[1]):
         run = 0
         while run < z.shape[0] and z[run, j] == 0.0:
+            if 0 < depth[half + run * stride, half + j * stride] < near_depth:
+                break
             run += 1
         open_rows[j] = run if min_cells <= run < z.shape[0] else 0
 

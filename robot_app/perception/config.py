@@ -89,10 +89,14 @@ class RefineConfig:
     connection_reach_m: float = 0.06  # q_x = q_y = q_z
     loop_step_m: float = 0.015  # of the points that are looked at along what would close a loop
     connection_step_m: float = 0.04  # of the points that are looked at along a connection
+    narrow_cells: float = 4.0  # an outline no wider than this, and four times as long at least, is drawn as a line
+    most_nodes: int = 99  # "less than 100" in the paper: what looks smallest is left out
 
     def __post_init__(self) -> None:
         _require(self.connection_step_m > 0, "connection_step_m must be positive")
         _require(self.connection_reach_m > 0, "connection_reach_m must be positive")
+        _require(self.narrow_cells >= 0, "narrow_cells must not be negative")
+        _require(self.most_nodes >= 2, "most_nodes must be at least 2")
 
 
 @dataclass(frozen=True, slots=True)

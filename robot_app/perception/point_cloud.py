@@ -87,7 +87,8 @@ class EdgeCloud:
     def _decimate(self, depth: NDArray[np.uint16], unit_m: float) -> None:
         config = self._config
         self.points = kernels.decimate(depth, unit_m, self.stride, config.range_min_m, config.range_max_m, self.z)
-        kernels.find_open(self.z, config.min_open_cells, self._open_rows)
+        near_depth = config.range_min_m / unit_m
+        kernels.find_open(depth, self.z, self.stride, near_depth, config.min_open_cells, self._open_rows)
         kernels.mark_floor(
             self.z,
             self.slope_x,

@@ -20,7 +20,8 @@ class Refiner:
         self._beside = np.zeros((max_nodes, kernels.MOST), np.int32)
         self._degree = np.zeros(max_nodes, np.int32)
         self._angle = np.zeros(max_nodes, np.float32)
-        self._ends = np.zeros(max_nodes, np.int32)
+        self._ends, self._member = np.zeros((2, max_nodes), np.int32)
+        self._start = np.zeros(max_nodes + 1, np.int32)
 
     def find_curves(self, network: Network, cloud: EdgeCloud) -> None:
         """For what a learner made that does not ask for curves: nodes belong to the curve of the nearest sample."""
@@ -38,6 +39,7 @@ class Refiner:
         self._reduce_straight(network, cloud, keep_near_open_m=0.0)
         self._remove_noise(network, cloud)
         self._remove_unsupported(network, cloud)
+        self._keep_important(network, cloud)
         kernels.link_neighbours(self._beside, self._degree, network.nodes, network.linked)
         network.drop_isolated()
 
@@ -164,4 +166,34 @@ class Refiner:
             config.connection_step_m,
             cloud.edge_m,
             cloud.edge_at,
+        )
+
+    def _keep_important(self, network: Network, cloud: EdgeCloud) -> None:
+        """Beyond the paper: what is narrow becomes a line, and what looks smallest goes when there are too many."""
+        config = self._config
+        outlines = kernels.list_outlines(self._beside, self._degree, network.nodes, self._member, self._start)
+        kernels.flatten_narrow(
+            network.node_m,
+            self._beside,
+            self._degree,
+            self._member,
+            self._start,
+            outlines,
+            config.narrow_cells,
+            cloud.lens,
+            cloud.stride,
+            config.connection_reach_m,
+            config.connection_step_m,
+            cloud.edge_m,
+            cloud.edge_at,
+        )
+        kernels.keep_important(
+            network.node_m,
+            self._beside,
+            self._degree,
+            self._member,
+            self._start,
+            outlines,
+            config.most_nodes,
+            self._angle,
         )

@@ -392,3 +392,107 @@ def remove_unsupported(
                 disconnect(beside, degree, a, b)
             else:
                 slot += 1
+
+
+@njit(nogil=True, cache=True, **UNCOUNTED)
+def list_outlines(beside: I32, degree: I32, nodes: int, member: I32, start: I32) -> int:
+    """`member`: (N,) the connected nodes, outline by outline, `start`: (N + 1,) where each begins; returns how many."""
+    count, filled, at = 0, 0, 0
+    for a in range(nodes):
+        known = degree[a] == 0
+        for k in range(filled):
+            known |= member[k] == a
+        if known:
+            continue
+        start[count], member[filled] = filled, a
+        filled += 1
+        while at < filled:
+            for slot in range(degree[member[at]]):
+                b, new = beside[member[at], slot], True
+                for k in range(start[count], filled):
+                    new &= member[k] != b
+                if new:
+                    member[filled] = b
+                    filled += 1
+            at += 1
+        count += 1
+    start[count] = filled
+    return count
+
+
+@njit(nogil=True, cache=True, **UNCOUNTED)
+def _furthest(node_m: F32, a: int, member: I32, first: int, end: int) -> int:
+    """The node of an outline that is furthest from node a."""
+    best, best_m = a, 0.0
+    for k in range(first, end):
+        gap_m = separation(node_m, a, node_m, member[k])
+        if gap_m > best_m:
+            best, best_m = member[k], gap_m
+    return best
+
+
+@njit(nogil=True, cache=True, **UNCOUNTED)
+def flatten_narrow(
+    node_m: F32,
+    beside: I32,
+    degree: I32,
+    member: I32,
+    start: I32,
+    outlines: int,
+    narrow_cells: float,
+    lens: F64,
+    stride: int,
+    reach_m: float,
+    step_m: float,
+    edge_m: F32,
+    edge_at: I32,
+) -> None:
+    """An outline of few cells across, as of a slot in the back of a chair, becomes a line from end to end of it.
+
+    Whether such edges are one or two, the camera does not see from frame to frame.
+    """
+    for outline in range(outlines):
+        first, end = start[outline], start[outline + 1]
+        if end - first < 3:
+            continue
+        p = _furthest(node_m, member[first], member, first, end)
+        q = _furthest(node_m, p, member, first, end)
+        limit_m = narrow_cells * stride * min(node_m[p, 2], node_m[q, 2]) / lens[0]
+        narrow = separation(node_m, p, node_m, q) > 4.0 * limit_m
+        for k in range(first, end):
+            if narrow and member[k] not in (p, q):
+                narrow = offset_m(node_m, p, member[k], q) <= limit_m
+        if narrow and is_supported(node_m, p, q, lens, stride, reach_m, step_m, edge_m, edge_at):
+            for k in range(first, end):
+                isolate(beside, degree, member[k])
+            connect(beside, degree, p, q)
+
+
+@njit(nogil=True, cache=True, **UNCOUNTED)
+def keep_important(
+    node_m: F32, beside: I32, degree: I32, member: I32, start: I32, outlines: int, most: int, size: F32
+) -> None:
+    """Keeps the outlines that look largest from where the camera is, as far as they have no more than `most` nodes.
+
+    `size`: (N,) room to work in.
+    """
+    for outline in range(outlines):
+        first, end = start[outline], start[outline + 1]
+        p = _furthest(node_m, member[first], member, first, end)
+        q = _furthest(node_m, p, member, first, end)
+        size[outline] = separation(node_m, p, node_m, q) / min(node_m[p, 2], node_m[q, 2])
+    room = most
+    for _ in range(outlines):
+        largest = 0
+        for outline in range(outlines):
+            if size[outline] > size[largest]:
+                largest = outline
+        size[largest] = -1.0
+        first, end, count = start[largest], start[largest + 1], 0
+        for k in range(first, end):
+            count += degree[member[k]] > 0
+        if count <= room:
+            room -= count
+        else:
+            for k in range(first, end):
+                isolate(beside, degree, member[k])

@@ -116,6 +116,35 @@ def test_a_hand_before_half_of_the_lens_draws_nothing_on_what_is_behind_it(world
     assert len(extracted(world, depth_m).nodes_m) == 0
 
 
+def test_a_hand_from_above_is_no_open_space_while_the_camera_says_something_of_it(world) -> None:
+    depth_m = noise(np.full((480, 640), 2.0))
+    columns, rows = np.meshgrid(np.arange(640), np.arange(480))
+    depth_m[rows < 240 + 60 * np.sin(columns / 60)] = 0.3
+    assert len(extracted(world, depth_m).nodes_m) == 0
+
+
+def test_a_slot_two_cells_high_is_drawn_as_one_line(world) -> None:
+    depth_m = np.full((480, 640), 3.0)
+    depth_m[100:, 150:500] = 1.2
+    depth_m[236:245, 200:450] = 3.0
+    network = extracted(world, noise(depth_m))
+    beside = np.abs(network.nodes_m[:, 2] - 100.0) < 0.03
+    assert np.count_nonzero(beside & (np.abs(network.nodes_m[:, 1]) < 0.36)) == 2
+
+
+def test_of_a_crowd_the_largest_outlines_are_kept(world) -> None:
+    depth_m = np.full((480, 640), 3.0)
+    for row in range(20, 460, 60):
+        for column in range(20, 620, 60):
+            depth_m[row : row + 36, column : column + 36] = 1.5
+    depth_m[130:350, 200:440] = 3.0
+    depth_m[150:330, 220:420] = 1.2
+    network = extracted(world, noise(depth_m))
+    most = PerceptionConfig().refine.most_nodes
+    assert 0.8 * most < len(network.nodes_m) <= most
+    assert corners_missed_m(world, network) < 0.03
+
+
 def test_the_corner_of_a_room_is_drawn_once(world) -> None:
     slope_x, _ = world.intrinsics.ray_slopes()
     left, right = 2.0 / (1.0 - 1.0 * slope_x.astype(np.float64)), 2.0 / (1.0 + 1.0 * slope_x.astype(np.float64))

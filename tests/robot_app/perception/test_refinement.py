@@ -163,6 +163,36 @@ def test_a_node_with_little_edge_around_it_is_disconnected() -> None:
     assert pairs_of(*linked) == {(0, 1)}
 
 
+def outlines_of(beside: np.ndarray, degree: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+    member, start = np.zeros(len(degree), np.int32), np.zeros(len(degree) + 1, np.int32)
+    return member, start, kernels.list_outlines(beside, degree, len(degree), member, start)
+
+
+def test_outlines_are_the_connected_nodes() -> None:
+    linked = np.zeros((7, 7), np.uint8)
+    for a, b in ((0, 4), (4, 6), (1, 2), (2, 5), (5, 1)):
+        linked[a, b] = linked[b, a] = 1
+    member, start, count = outlines_of(*neighbours(linked))
+    assert [set(member[a:b].tolist()) for a, b in pairwise(start[: count + 1])] == [{0, 4, 6}, {1, 2, 5}]
+
+
+@pytest.mark.parametrize(("half_height_m", "expected"), [(0.01, {(0, 5)}), (0.05, set(pairwise(range(6))))])
+def test_a_zigzag_across_a_slot_becomes_a_line_and_one_across_a_face_stays(half_height_m: float, expected) -> None:
+    zigzag = [(-0.25 + 0.1 * k, half_height_m * (-1) ** k, 1.0) for k in range(6)]
+    edge_m, edge_at = edge_line(*zigzag)
+    node_m, linked = nodes(*zigzag), chain(6)
+    kernels.flatten_narrow(node_m, *linked, *outlines_of(*linked), 4.0, *SUPPORT, edge_m, edge_at)
+    assert pairs_of(*linked) == expected
+
+
+def test_the_outlines_that_look_largest_are_kept_while_there_is_room() -> None:
+    near, far = (-0.1, 0.0, 0.5), (-0.15, 0.0, 3.0)
+    node_m = nodes(near, (0.1, 0.0, 0.5), far, (0.15, 0.0, 3.0), (-1.0, 0.5, 2.0), (1.0, 0.5, 2.0))
+    linked = neighbours(np.kron(np.eye(3, dtype=np.uint8), np.array([[0, 1], [1, 0]], np.uint8)))
+    kernels.keep_important(node_m, *linked, *outlines_of(*linked), 4, np.zeros(6, np.float32))
+    assert pairs_of(*linked) == {(0, 1), (4, 5)}
+
+
 @pytest.mark.parametrize(("height_m", "expected"), [(0.0, True), (0.1, False)])
 def test_a_node_is_ground_when_no_point_is_above_or_below_it(height_m: float, expected: bool) -> None:
     z = np.zeros((120, 160), np.float32)
