@@ -3,25 +3,34 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import select
 import socket
 import threading
 from collections import deque
 
 from shared.link.base import LinkError, LinkStatistics
+from shared.link.pairing import Pairing
+from shared.link.tls import TlsStream
 from shared.protocol.frame import FrameParser, pack
 from shared.runtime.clock import Clock
 
+_log = logging.getLogger(__name__)
 _BACKLOG_BYTES = 16_384  # what may wait for a slow network: on one that stalls old data is worth nothing
 _SEND_BUFFER_BYTES = 32_768  # the kernel's own share of that; it would take megabytes
 _READ_BYTES = 4_096  # parsing more at a time would hold up the other tasks
+_KNOCKING_S = 2.0  # for a secure connection to be agreed on
+_MOST_KNOCKING = 4
+_HANDSHAKE_STEPS = 20
 _SILENT_PEER_S = 1.5  # after this a newcomer takes the place of a peer that says nothing
 
 
 class _Peer:
     """One connected socket: frames in, frames out, nothing blocks. `send` and `receive` may be on two threads."""
 
-    def __init__(self, sock: socket.socket, name: str, statistics: LinkStatistics) -> None:
+    def __init__(
+        self, sock: socket.socket, name: str, statistics: LinkStatistics, tls: TlsStream | None = None
+    ) -> None:
         sock.setblocking(False)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
@@ -32,18 +41,35 @@ class _Peer:
         self._arrived: deque[bytes] = deque()
         self._out = bytearray()
         self._out_lock = threading.Lock()
+        self._tls = tls
+        if tls is not None:
+            self._say_tls(tls)
+
+    @property
+    def is_ready(self) -> bool:
+        """It has shown who it is, where that is asked for."""
+        return self._tls is None or self._tls.ready
 
     def send(self, datagram: bytes) -> bool:
         frame = pack(datagram)
         with self._out_lock:
             self._flush()
-            if self._out and len(self._out) + len(frame) > _BACKLOG_BYTES:
+            if not self.is_ready or (self._out and len(self._out) + len(frame) > _BACKLOG_BYTES):
                 return False
+            if self._tls is not None:
+                self._tls.encrypt(frame)
+                frame = self._tls.take_output()
             self._out += frame
             self._flush()
         self._statistics.sent_datagrams += 1
         self._statistics.sent_bytes += len(frame)
         return True
+
+    def _say_tls(self, tls: TlsStream) -> None:
+        """What belongs to the secure connection itself."""
+        said = tls.take_output()
+        self._out += said
+        self._statistics.sent_bytes += len(said)
 
     def flush(self) -> None:
         with self._out_lock:
@@ -75,10 +101,15 @@ class _Peer:
             raise LinkError(f"{self.name}: connection lost: {error.strerror or error}") from error
         if not data:
             raise LinkError(f"{self.name}: the other side closed the connection")
+        self._statistics.received_bytes += len(data)
+        if self._tls is not None:
+            with self._out_lock:
+                data = self._tls.feed(data)
+                self._say_tls(self._tls)
+                self._flush()
         dropped = self._parser.dropped_bytes
         datagrams = self._parser.feed(data)
         self._arrived.extend(datagrams)
-        self._statistics.received_bytes += len(data)
         self._statistics.received_datagrams += len(datagrams)
         self._statistics.dropped_bytes += self._parser.dropped_bytes - dropped
 
@@ -91,14 +122,30 @@ class _Peer:
 class TcpClientLink:
     """The station's end. Connects in the constructor or raises `LinkError`."""
 
-    def __init__(self, host: str, port: int, timeout_s: float) -> None:
+    def __init__(self, host: str, port: int, timeout_s: float, pairing: Pairing | None = None) -> None:
+        """`pairing`: speak in secret, with nobody who has another file."""
         self._name = f"{host}:{port}"
         self.statistics = LinkStatistics()
         try:
             sock = socket.create_connection((host, port), timeout_s)
         except (OSError, OverflowError) as error:
             raise LinkError(f"cannot connect to {self._name}: {_reason(error)}") from error
-        self._peer: _Peer | None = _Peer(sock, self._name, self.statistics)
+        tls = None if pairing is None else TlsStream(pairing.tls_context(False), False, self._name)
+        self._peer: _Peer | None = _Peer(sock, self._name, self.statistics, tls)
+        try:
+            self._shake_hands(self._peer, timeout_s)
+        except LinkError:
+            self.close()
+            raise
+
+    def _shake_hands(self, peer: _Peer, timeout_s: float) -> None:
+        for _ in range(_HANDSHAKE_STEPS):
+            if peer.is_ready:
+                return
+            peer.flush()
+            _select([peer.sock], [peer.sock] if peer.has_output else [], timeout_s / _HANDSHAKE_STEPS)
+            peer.read()
+        raise LinkError(f"{self._name}: no secure connection in time. Does the robot use a pairing file?")
 
     @property
     def connected(self) -> bool:
@@ -134,8 +181,12 @@ class TcpServerLink:
     A station that says nothing for 1.5 s gives way to a newcomer; while it talks, a newcomer is turned away.
     """
 
-    def __init__(self, host: str, port: int, clock: Clock, farewell: bytes = b"") -> None:
-        """`farewell`: the datagram that a newcomer gets who is turned away."""
+    def __init__(
+        self, host: str, port: int, clock: Clock, farewell: bytes = b"", pairing: Pairing | None = None
+    ) -> None:
+        """`farewell`: the datagram that a newcomer gets who is turned away. `pairing`: nobody else comes in at all."""
+        self._tls_context = None if pairing is None else pairing.tls_context(True)
+        self._knocking: list[tuple[float, _Peer]] = []  # since when
         self.statistics = LinkStatistics()
         self._clock = clock
         self._farewell = farewell
@@ -175,39 +226,78 @@ class TcpServerLink:
             raise LinkError("the link is closed")
         if peer is not None and (datagram := peer.pop()) is not None:
             return datagram
-        reading = [listener] if peer is None else [listener, peer.sock]
-        _select(reading, [peer.sock] if peer is not None and peer.has_output else [], timeout_s)
+        reading = [listener, *(p.sock for p in self._peers(peer))]
+        _select(reading, [p.sock for p in self._peers(peer) if p.has_output], timeout_s)
         self._accept(listener)
+        self._serve_knocking()
         return self._read()
+
+    def drop_peer(self) -> None:
+        """Let the station go: it is not heard any more, and comes again."""
+        if self._peer is not None:
+            self._drop(self._peer)
+
+    def _peers(self, peer: _Peer | None) -> list[_Peer]:
+        return [p for _, p in self._knocking] + ([peer] if peer is not None else [])
 
     def close(self) -> None:
         listener, self._listener = self._listener, None
         if listener is not None:
             listener.close()
-        if self._peer is not None:
-            self._drop(self._peer)
+        for _, knocking in self._knocking:
+            knocking.close()
+        self._knocking.clear()
+        self.drop_peer()
 
     def _accept(self, listener: socket.socket) -> None:
         try:
             sock, address = listener.accept()
         except OSError:  # nobody there, or gone again
             return
+        name = f"{address[0]}:{address[1]}"
+        if self._tls_context is None:
+            self._welcome(_Peer(sock, name, self.statistics))
+        elif len(self._knocking) < _MOST_KNOCKING:
+            tls = TlsStream(self._tls_context, True, name)
+            self._knocking.append((self._clock.now_s(), _Peer(sock, name, self.statistics, tls)))
+        else:
+            sock.close()
+
+    def _serve_knocking(self) -> None:
+        """Those who have shown who they are come in; who takes too long, or is a stranger, does not."""
+        still: list[tuple[float, _Peer]] = []
+        for since_s, peer in self._knocking:
+            try:
+                peer.flush()
+                peer.read()
+            except LinkError as error:
+                _log.warning("turned away: %s", error)
+                peer.close()
+                continue
+            if peer.is_ready:
+                self._welcome(peer)
+            elif self._clock.now_s() - since_s < _KNOCKING_S:
+                still.append((since_s, peer))
+            else:
+                peer.close()
+        self._knocking = still
+
+    def _welcome(self, newcomer: _Peer) -> None:
         now_s = self._clock.now_s()
         if self._peer is not None:
             if now_s - self._heard_s < _SILENT_PEER_S:
-                self._turn_away(sock)
+                self._turn_away(newcomer)
                 return
             self._drop(self._peer)
-        self._peer = _Peer(sock, f"{address[0]}:{address[1]}", self.statistics)
+        self._peer = newcomer
         self._heard_s = now_s
 
-    def _turn_away(self, sock: socket.socket) -> None:
-        sock.setblocking(False)
-        with contextlib.suppress(OSError):
+    def _turn_away(self, newcomer: _Peer) -> None:
+        with contextlib.suppress(OSError, LinkError):
             if self._farewell:
-                sock.send(pack(self._farewell))
-            sock.shutdown(socket.SHUT_WR)
-        sock.close()
+                newcomer.send(self._farewell)
+            newcomer.sock.shutdown(socket.SHUT_WR)
+        newcomer.sock.close()
 
     def _read(self) -> bytes | None:
         peer = self._peer

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 
 from shared.command_line import Parser, run, set_up_logging
 from shared.link.es920lr.settings import BAUD_RATES, FACTORY_BAUD_RATE
-from tools.radio_config import commands, range_commands
+from tools.radio_config import commands, key, range_commands
 from tools.radio_config.changes import RULES, profile_names
 
 _EPILOG = """\
@@ -74,7 +75,19 @@ def _parser() -> argparse.ArgumentParser:
     air = _add(sub, "airtime", commands.airtime, "estimate airtime, packets a second and goodput; needs no module")
     air.add_argument("assignments", metavar="KEY=VALUE", nargs="*", help="as `show` names them")
     _add_profile(air)
+    _add_key(sub)
     return parser
+
+
+def _add_key(sub: argparse._SubParsersAction[Parser]) -> None:
+    text = "make or show the pairing file, the same on robot and station: it keeps everybody else out"
+    parser = sub.add_parser("key", help=text, description=text)
+    kinds = parser.add_subparsers(dest="key_command", required=True, metavar="COMMAND")
+    new = _add(kinds, "new", key.new, "make a new pairing file; then copy it to the other side (scp keeps its mode)")
+    new.add_argument("--force", action="store_true", help="take the place of the one that is there")
+    shown = _add(kinds, "show", key.show, "show its fingerprint: the same on both sides")
+    for each in (new, shown):
+        each.add_argument("file", type=Path, nargs="?", default=key.DEFAULT_FILE, help=f"(default: {key.DEFAULT_FILE})")
 
 
 def _add(sub: argparse._SubParsersAction[Parser], name: str, work: commands.Work, text: str) -> argparse.ArgumentParser:

@@ -16,11 +16,9 @@ import math
 import threading
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
-from enum import IntEnum
-from typing import Protocol
 
-from shared.link.base import MAX_DATAGRAM_BYTES, Link, LinkError, LinkStatistics
+from shared.link.base import MAX_DATAGRAM_BYTES, Link, LinkError
+from shared.link.failover.base import FailoverStatistics, Kind, PathChanged, Radio
 from shared.link.failover.lanes import Incoming, Kept, Newer, Outgoing, Path
 from shared.link.failover.watch import FailoverConfig, Watch
 from shared.link.radio_pair.items import MOST_SHORT_BYTES, Lane
@@ -37,52 +35,6 @@ _DATAGRAMS_PER_STEP = 256
 _WAIT_S = 0.005
 _ACK_SLOT, _HELLO_SLOT = 31, 30  # of the radio's NEWEST lane; ours
 MOST_SLOTS = 30
-
-
-class _Kind(IntEnum):
-    HELLO = 0
-    PROBE = 1
-    ACK = 2
-    DATA = 3
-    COMMAND = 4
-    NOW = 5
-    NEWEST = 6
-
-
-class Radio(Protocol):
-    """What is needed of a radio pair beyond `Link`."""
-
-    @property
-    def connected(self) -> bool: ...
-    @property
-    def waiting_bytes(self) -> int: ...
-    @property
-    def resets(self) -> int:
-        """How often it forgot what it was carrying."""
-        ...
-
-    def send(self, datagram: bytes, lane: Lane = Lane.BULK, slot: int = 0) -> bool: ...
-    def receive(self, timeout_s: float) -> bytes | None: ...
-    def close(self) -> None: ...
-
-
-@dataclass(frozen=True, slots=True)
-class PathChanged:
-    """For the operator."""
-
-    time_s: float
-    path: Path
-    reason: str
-
-
-@dataclass(slots=True)
-class FailoverStatistics(LinkStatistics):
-    """The bytes are those of the datagrams."""
-
-    changes: int = 0
-    duplicates: int = 0
-    wifi_connects: int = 0
-    peer_restarts: int = 0
 
 
 class Failover:
@@ -119,10 +71,11 @@ class Failover:
         self._radio_resets = 0
         self._radio_hello_s = self._radio_ack_s = -math.inf
         self._ack_due: set[Path] = set()
+        self._was_connected = False
         self._reset_lanes()
 
     def _reset_lanes(self) -> None:
-        self._out = {kind: Outgoing() for kind in (_Kind.DATA, _Kind.COMMAND, _Kind.NOW)}
+        self._out = {kind: Outgoing() for kind in (Kind.DATA, Kind.COMMAND, Kind.NOW)}
         self._in = {kind: Incoming() for kind in self._out}
         self._newer = Newer()
         self._newest_number = 0
@@ -163,10 +116,11 @@ class Failover:
     def has_room(self) -> bool:
         """An observation that is sent now goes at once; whoever sends what is newest waits for this."""
         with self._lock:
-            waiting = len(self._out[_Kind.DATA].unsent(self.path))
+            waiting = len(self._out[Kind.DATA].unsent(self.path))
             return not waiting and (self.path is Path.WIFI or self._radio_has_room())
 
     def receive(self, timeout_s: float) -> bytes | None:
+        """As `Link`; the loss of both paths is raised once, and the link goes on by itself when one is back."""
         until_s = self._clock.now_s() + timeout_s
         while True:
             self.step()
@@ -177,6 +131,7 @@ class Failover:
                     self.statistics.received_bytes += len(datagram)
                     return datagram
                 self._fail_if_closed()
+                self._fail_if_lost()
             now_s = self._clock.now_s()
             if now_s >= until_s:
                 return None
@@ -200,6 +155,7 @@ class Failover:
             self._greet(now_s)
             self._send_due()
             self._acknowledge(now_s)
+            self._was_connected |= self.connected
 
     # ---- paths
 
@@ -256,26 +212,26 @@ class Failover:
         if lane is Lane.NEWEST:
             self._newest[slot % MOST_SLOTS] = datagram
             return True
-        kind = {Lane.BULK: _Kind.DATA, Lane.COMMAND: _Kind.COMMAND, Lane.NOW: _Kind.NOW}[lane]
+        kind = {Lane.BULK: Kind.DATA, Lane.COMMAND: Kind.COMMAND, Lane.NOW: Kind.NOW}[lane]
         if not self._out[kind].has_room:
             return False
         self._out[kind].add(datagram, for_radio)
         return True
 
     def _send_due(self) -> None:
-        for kind in (_Kind.NOW, _Kind.COMMAND):
+        for kind in (Kind.NOW, Kind.COMMAND):
             for path in Path:
                 self._send_lane(kind, path)
         self._send_newest()
-        self._send_lane(_Kind.DATA, self.path)
+        self._send_lane(Kind.DATA, self.path)
         if self.path is Path.WIFI and self._watch.is_doubtful(self._clock.now_s()):
-            self._send_lane(_Kind.DATA, Path.RADIO)
+            self._send_lane(Kind.DATA, Path.RADIO)
 
-    def _send_lane(self, kind: _Kind, path: Path) -> None:
+    def _send_lane(self, kind: Kind, path: Path) -> None:
         if not self._is_open(path):
             return
         for kept in self._out[kind].unsent(path):
-            if kind is _Kind.DATA and path is Path.RADIO and not self._radio_has_room():
+            if kind is Kind.DATA and path is Path.RADIO and not self._radio_has_room():
                 return
             if not self._send_kept(kind, kept, path):
                 return
@@ -284,16 +240,16 @@ class Failover:
     def _radio_has_room(self) -> bool:
         return self._radio.waiting_bytes < self._config.radio_ahead_bytes
 
-    def _send_kept(self, kind: _Kind, kept: Kept, path: Path) -> bool:
+    def _send_kept(self, kind: Kind, kept: Kept, path: Path) -> bool:
         frame = self._frame(kind, kept.seq, kept.on(path))
-        lane = {_Kind.DATA: Lane.BULK, _Kind.COMMAND: Lane.COMMAND, _Kind.NOW: Lane.NOW}[kind]
+        lane = {Kind.DATA: Lane.BULK, Kind.COMMAND: Lane.COMMAND, Kind.NOW: Lane.NOW}[kind]
         return self._send_on(path, frame, lane)
 
     def _send_newest(self) -> None:
         for slot in list(self._newest):
             datagram = self._newest.pop(slot)
             self._newest_number = (self._newest_number + 1) & 0xFF
-            frame = self._frame(_Kind.NEWEST, self._newest_number, bytes((slot,)) + datagram)
+            frame = self._frame(Kind.NEWEST, self._newest_number, bytes((slot,)) + datagram)
             self._send_on(Path.WIFI, frame, Lane.NEWEST)
             if self.path is Path.RADIO or len(frame) <= MOST_SHORT_BYTES:
                 self._send_on(Path.RADIO, frame, Lane.NEWEST, slot)
@@ -308,7 +264,7 @@ class Failover:
                 self._drop_wifi()
             return False
 
-    def _frame(self, kind: _Kind, number: int, body: bytes) -> bytes:
+    def _frame(self, kind: Kind, number: int, body: bytes) -> bytes:
         return bytes((kind << _EPOCH_TAG_BITS | self._epoch_tag(), number & 0xFF)) + body
 
     def _epoch_tag(self) -> int:
@@ -319,7 +275,7 @@ class Failover:
             if Path.WIFI not in self._knows_us:
                 self._send_on(Path.WIFI, self._hello(Path.WIFI), Lane.BULK)
             number = self._watch.probe(now_s)
-            probe = self._frame(_Kind.PROBE, number, bytes((self._watch.last_heard,)))
+            probe = self._frame(Kind.PROBE, number, bytes((self._watch.last_heard,)))
             self._send_on(Path.WIFI, probe, Lane.BULK)
         if Path.RADIO not in self._knows_us and now_s >= self._radio_hello_s + self._config.radio_hello_s:
             self._radio_hello_s = now_s
@@ -328,13 +284,13 @@ class Failover:
     def _hello(self, path: Path) -> bytes:
         """Its number is 1 where it asks for one in return."""
         asks = path not in self._knows_us
-        return bytes((_Kind.HELLO << _EPOCH_TAG_BITS, asks)) + self._epoch + self._peer_epoch
+        return bytes((Kind.HELLO << _EPOCH_TAG_BITS, asks)) + self._epoch + self._peer_epoch
 
     def _acknowledge(self, now_s: float) -> None:
         if not self._ack_due:
             return
         expected = bytes(self._in[kind].expected & 0xFF for kind in self._in)
-        ack = self._frame(_Kind.ACK, 0, expected)
+        ack = self._frame(Kind.ACK, 0, expected)
         if self._send_on(Path.WIFI, ack, Lane.NEWEST):
             self._ack_due.discard(Path.WIFI)
         if Path.RADIO in self._ack_due and now_s >= self._radio_ack_s + self._config.radio_ack_s:
@@ -367,24 +323,24 @@ class Failover:
 
     def _take(self, path: Path, frame: bytes, now_s: float) -> None:
         kind = frame[0] >> _EPOCH_TAG_BITS
-        if len(frame) <= _HEAD_BYTES or kind > _Kind.NEWEST:
+        if len(frame) <= _HEAD_BYTES or kind > Kind.NEWEST:
             self.statistics.dropped_bytes += len(frame)
             return
         number, body = frame[1], frame[_HEAD_BYTES:]
-        if kind == _Kind.HELLO:
+        if kind == Kind.HELLO:
             self._take_hello(path, body, asks=number == 1)
         elif path not in self._knows_us or frame[0] & (1 << _EPOCH_TAG_BITS) - 1 != self._epoch_tag():
             self.statistics.dropped_bytes += len(frame)
-        elif kind == _Kind.PROBE:
+        elif kind == Kind.PROBE:
             self._watch.hear(number, body[0], now_s)
-        elif kind == _Kind.ACK:
+        elif kind == Kind.ACK:
             for lane, expected in zip(self._out.values(), body, strict=False):
                 lane.acknowledge(expected)
         else:
-            self._take_datagram(_Kind(kind), path, number, body)
+            self._take_datagram(Kind(kind), path, number, body)
 
-    def _take_datagram(self, kind: _Kind, path: Path, number: int, body: bytes) -> None:
-        if kind is _Kind.NEWEST:
+    def _take_datagram(self, kind: Kind, path: Path, number: int, body: bytes) -> None:
+        if kind is Kind.NEWEST:
             if self._newer.take(body[0], number) and len(body) > 1:
                 self._delivered.append(body[1:])
             return
@@ -410,6 +366,11 @@ class Failover:
             self._knows_us.add(path)
         if asks:
             self._send_on(path, self._hello(path), Lane.NEWEST, _HELLO_SLOT)
+
+    def _fail_if_lost(self) -> None:
+        if self._was_connected and not self.connected:
+            self._was_connected = False
+            raise LinkError("neither Wi-Fi nor LoRa reaches the other side any more")
 
     def _fail_if_closed(self) -> None:
         if self._stop.is_set():

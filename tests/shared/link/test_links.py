@@ -4,24 +4,31 @@ from __future__ import annotations
 
 import contextlib
 import socket
+import threading
 from collections.abc import Iterator
+from pathlib import Path as FilePath
 
 import pytest
 
 from shared.link.base import Link, LinkError
+from shared.link.failover.lanes import Path
+from shared.link.failover.link import Failover
 from shared.link.loopback import loopback_pair
+from shared.link.pairing import read_pairing
 from shared.link.radio_pair.link import RadioPair
 from shared.link.tcp import TcpClientLink, TcpServerLink
 from shared.runtime.clock import ManualClock
+from tools.radio_config.key import write_new_pairing
+from tools.simulator.radio.failover_rig import FailoverRig
 from tools.simulator.radio.pair_rig import PairRig
 
 Ends = tuple[Link, Link]
 
 
 class SteppedEnd:
-    """One side of a radio pair, whose waits move the manual clock."""
+    """One side of an emulated network, whose waits move the manual clock."""
 
-    def __init__(self, rig: PairRig, link: RadioPair) -> None:
+    def __init__(self, rig: PairRig | FailoverRig, link: RadioPair | Failover) -> None:
         self._rig = rig
         self._link = link
         self.statistics = link.statistics
@@ -38,20 +45,43 @@ class SteppedEnd:
         return datagram
 
 
+def failover_ends() -> Ends:
+    rig = FailoverRig(1)
+    assert rig.run(20.0, lambda: rig.robot.path is rig.station.path is Path.WIFI and rig.radios.robot.connected)
+    return SteppedEnd(rig, rig.robot), SteppedEnd(rig, rig.station)
+
+
+def secret_ends(folder: FilePath) -> Ends:
+    write_new_pairing(folder / "pairing.pem")
+    pairing = read_pairing(folder / "pairing.pem")
+    robot = TcpServerLink("127.0.0.1", 0, ManualClock(), pairing=pairing)
+    made: list[Link] = []
+    station = threading.Thread(target=lambda: made.append(TcpClientLink("127.0.0.1", robot.port, 5.0, pairing)))
+    station.start()
+    while station.is_alive() or not robot.connected:
+        robot.receive(0.02)
+    station.join()
+    return robot, made[0]
+
+
 def radio_ends() -> Ends:
     rig = PairRig(1)
     rig.connect()
     return SteppedEnd(rig, rig.robot), SteppedEnd(rig, rig.station)
 
 
-@pytest.fixture(params=["loopback", "tcp", "radio"])
-def ends(request: pytest.FixtureRequest) -> Iterator[Ends]:
+@pytest.fixture(params=["loopback", "tcp", "tls", "radio", "failover"])
+def ends(request: pytest.FixtureRequest, tmp_path: FilePath) -> Iterator[Ends]:
     robot: Link
     station: Link
     if request.param == "loopback":
         robot, station = loopback_pair()
     elif request.param == "radio":
         robot, station = radio_ends()
+    elif request.param == "failover":
+        robot, station = failover_ends()
+    elif request.param == "tls":
+        robot, station = secret_ends(tmp_path)
     else:
         robot = TcpServerLink("127.0.0.1", 0, ManualClock())
         station = TcpClientLink("127.0.0.1", robot.port, 2.0)

@@ -1,0 +1,57 @@
+"""What a failover link is made of: the kinds of its frames, what it needs of a radio, what it tells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Protocol
+
+from shared.link.base import LinkStatistics
+from shared.link.failover.lanes import Path
+from shared.link.radio_pair.items import Lane
+
+
+class Kind(IntEnum):
+    HELLO = 0
+    PROBE = 1
+    ACK = 2
+    DATA = 3
+    COMMAND = 4
+    NOW = 5
+    NEWEST = 6
+
+
+class Radio(Protocol):
+    """What is needed of a radio pair beyond `Link`."""
+
+    @property
+    def connected(self) -> bool: ...
+    @property
+    def waiting_bytes(self) -> int: ...
+    @property
+    def resets(self) -> int:
+        """How often it forgot what it was carrying."""
+        ...
+
+    def send(self, datagram: bytes, lane: Lane = Lane.BULK, slot: int = 0) -> bool: ...
+    def receive(self, timeout_s: float) -> bytes | None: ...
+    def close(self) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class PathChanged:
+    """For the operator."""
+
+    time_s: float
+    path: Path
+    reason: str
+
+
+@dataclass(slots=True)
+class FailoverStatistics(LinkStatistics):
+    """The bytes are those of the datagrams."""
+
+    changes: int = 0
+    duplicates: int = 0
+    wifi_connects: int = 0
+    peer_restarts: int = 0
