@@ -14,6 +14,7 @@ from station_gui.mapping.slam2d.keyframes import Placed
 from station_gui.mapping.slam2d.localisation.config import LocalisationConfig
 from station_gui.mapping.slam2d.localisation.doubt import Check, Verdict, Wariness
 from station_gui.mapping.slam2d.localisation.reference import Reference
+from station_gui.mapping.slam2d.localisation.rehearsal import rehearse_search
 from station_gui.mapping.slam2d.localisation.relocaliser import Relocaliser
 from station_gui.mapping.slam2d.se2_arrays import compose
 from station_gui.mapping.snapshot import GridMap, Tracking
@@ -29,6 +30,7 @@ class SelfLocatingSlam:
         self, config: LocalisationConfig, grid: GridConfig, inner: StoredSlam, given: SavedMap | None, *, fixed: bool
     ) -> None:
         """`given`: the map to begin with, in which the robot has to be found first; `fixed`: it is not to change."""
+        rehearse_search()
         self._config = config
         self._grid_config = grid
         self._inner = inner

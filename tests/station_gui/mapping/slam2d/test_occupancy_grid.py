@@ -12,6 +12,7 @@ from station_gui.mapping.scan import PointScan
 from station_gui.mapping.slam2d.base import MappingError
 from station_gui.mapping.slam2d.config import GridConfig
 from station_gui.mapping.slam2d.grid.occupancy_grid import OccupancyGrid
+from station_gui.mapping.slam2d.share import Share
 
 FloatArray = NDArray[np.float64]
 ScanMaker = Callable[..., PointScan]
@@ -170,3 +171,18 @@ def _share_covered(walls: FloatArray, occupied: FloatArray) -> float:
     samples = np.vstack([np.linspace(wall[:2], wall[2:], 80) for wall in walls])
     nearest = np.linalg.norm(samples[:, np.newaxis] - occupied, axis=2).min(axis=1)
     return float((nearest < 0.05).mean())
+
+
+def test_a_map_refreshed_in_small_shares_is_the_same_one() -> None:
+    points = np.random.default_rng(0).uniform(-3.0, 3.0, (300, 2)).astype(np.float32)
+    grids = [OccupancyGrid(GridConfig(cell_m=0.02)) for _ in range(2)]
+    share, rests = Share(), 0
+    for grid in grids:
+        grid.make_room(np.array([-4.0, -4.0]), np.array([4.0, 4.0]))
+        grid.add(points, _ORIGIN, np.zeros(3))
+    task = grids[0].refresh_slowly(share)
+    while not share.run(task, 1):
+        rests += 1
+    assert rests > 5
+    np.testing.assert_array_equal(grids[0].snapshot().probability, grids[1].snapshot().probability)
+    assert (grids[0].snapshot().probability > 0.65).any()

@@ -259,3 +259,22 @@ def test_hypotheses_outlive_a_trail_that_has_become_long(
     at = np.array([compose(h.map_from_trail, relocaliser.trail_from_robot.as_array()) for h in relocaliser.hypotheses])
     assert len(at) >= 4
     assert np.hypot(at[:, 0] - way[39].x_m, at[:, 1] - way[39].y_m).min() < 0.05
+
+
+def test_a_map_made_in_small_shares_is_the_same_one(lab_map: SavedMap) -> None:
+    graph = GraphSlamConfig()
+    in_node = np.array([keyframe.in_node for keyframe in lab_map.keyframes])
+    poses = compose_all(lab_map.nodes[lab_map.keyframe_nodes()], in_node)
+    made, steps = [], []
+    for units in (2_000, 1 << 60):
+        config = replace(_CONFIG.reference, units_per_step=units)
+        reference = Reference(config, graph.match, graph.grid, lab_map.keyframes, poses)
+        steps.append(1)
+        while not reference.step():
+            steps[-1] += 1
+        made.append(reference)
+    assert steps[0] > 4 * steps[1]
+    np.testing.assert_array_equal(made[0].pyramid.levels, made[1].pyramid.levels)
+    np.testing.assert_array_equal(made[0].free, made[1].free)
+    np.testing.assert_array_equal(made[0].grid.probability, made[1].grid.probability)
+    np.testing.assert_array_equal(made[0].local_map.surfels, made[1].local_map.surfels)
