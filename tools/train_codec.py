@@ -13,7 +13,7 @@ import numpy as np
 from shared.command_line import EXIT_MISUSE, EXIT_OK
 from shared.messages import Observation
 from shared.protocol.compact.encoder import Encoder
-from shared.protocol.compact.model import Model
+from shared.protocol.compact.model import WEIGHT_SHIFT, Model
 from shared.protocol.compact.state import State
 from tools.evaluate.codec import recorded, thinned
 from tools.logs.urg import UrgReader
@@ -47,12 +47,17 @@ def _after(log: Path, model: Model) -> Model:
 
 
 def save(model: Model, out: Path) -> None:
-    """Only the slots that were used often enough, and less sure than they are."""
+    """Only the slots that were used often enough, in fewer digits, and less sure than they are."""
     count = model.slots & 1023
-    at = np.flatnonzero(count >= _FEWEST_COUNT).astype(np.uint32)
-    probability = model.slots[at] >> 16 << 16
-    slots = (probability | np.minimum(count[at], _MOST_COUNT)).astype(np.uint32)
-    np.savez_compressed(out, at=at, slots=slots, weights=model.weights, refined=model.refined)
+    at = np.flatnonzero(count >= _FEWEST_COUNT)
+    np.savez_compressed(
+        out,
+        steps=np.diff(at, prepend=0).astype(np.uint16),
+        probabilities=(model.slots[at] >> 20).astype(np.uint16),
+        counts=np.minimum(count[at], _MOST_COUNT).astype(np.uint8),
+        weights=np.clip(model.weights >> WEIGHT_SHIFT, -32_768, 32_767).astype(np.int16),
+        refined=model.refined,
+    )
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ INPUTS = 24
 REFINES = 160
 _REGION_SLOTS = 4096
 _FIRST_WEIGHT = 32_768  # 0.5
+WEIGHT_SHIFT = 6  # of the weights in the file that comes along
 _TRAINED = Path(__file__).with_name("trained.npz")
 
 TABLES = np.concatenate((tables.STRETCH, tables.SQUASH, tables.RATES))
@@ -52,12 +53,13 @@ class Model:
 
 @cache
 def _trained() -> Model:
-    if not _TRAINED.is_file():
-        return Model.untrained()
+    model = Model.untrained()
     with np.load(_TRAINED, allow_pickle=False) as stored:
-        model = Model.untrained()
-        model.slots[stored["at"]] = stored["slots"]
-        return Model(model.slots, stored["weights"], stored["refined"])
+        at = np.cumsum(stored["steps"].astype(np.int64))
+        model.slots[at] = stored["probabilities"].astype(np.uint32) << 20 | 1 << 19 | stored["counts"]
+        model.weights[:] = stored["weights"].astype(np.int32) << WEIGHT_SHIFT
+        model.refined[:] = stored["refined"]
+    return model
 
 
 class Coding:

@@ -96,8 +96,6 @@ def _code_head(coding: Coding, state: State, choice: Choice | None) -> Sweep:
     )
     if coding.number(int(new_geometry), _GEOMETRY, 1):
         _code_geometry(coding, state, choice)
-    if state.geometry is None:
-        raise Unfit("no geometry")
     expected = state.sequence + 1
     sequence = expected + coding.number(choice.sequence - expected if choice else 0, _SEQUENCE, 34)
     earlier, last = state.intervals_ms
@@ -224,9 +222,6 @@ def _remember(state: State, decoded: IntArray, rays: IntArray) -> None:
 
 
 def _observation(state: State, ranges_mm: IntArray, network: ObjectNetwork | None) -> Observation:
-    geometry = state.geometry
-    if geometry is None:
-        raise Unfit("no geometry")
     ranges_m = np.where(ranges_mm > 0, ranges_mm * 1e-3, np.nan).astype(np.float32)
     ranges_m.setflags(write=False)
     return Observation(
@@ -235,7 +230,7 @@ def _observation(state: State, ranges_mm: IntArray, network: ObjectNetwork | Non
         odom_from_robot=state.odom_from_robot,
         speed_mps=state.speed * 5e-3,
         yaw_rate_radps=state.turn_rate * 512 / tables.TURN * math.tau,
-        geometry=geometry,
+        geometry=state.geometry,
         ranges_m=ranges_m,
         objects=network if network is not None else ObjectNetwork(),
         has_objects=network is not None,

