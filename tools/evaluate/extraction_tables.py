@@ -35,7 +35,12 @@ _PAPER_TABLE_4 = (
     ("paper, 14e", 13948, 54, 60, 1, 0.102, 1.217, 32.1),
     ("paper, 14f", 14094, 70, 76, 2, 0.100, 0.560, 30.0),
 )
-_PICTURES = {"lab view 3": "lab", "lab view 7": "lab-bare", "frame-000096.depth.png": "kinect", "test55.pcd": "tabletop"}
+_PICTURES = {
+    "lab view 3": "lab",
+    "lab view 7": "lab-bare",
+    "frame-000096.depth.png": "kinect",
+    "test55.pcd": "tabletop",
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
