@@ -162,8 +162,10 @@ class LoopCloser:
         points = float(np.linalg.eigvalsh(match.information[:2, :2])[0]) * self._matcher.noise_m**2
         if match.share < config.min_partial_share or points < config.min_held_share * len(query.points_m):
             return False
+        stride = -(-len(query.points_m) // config.max_query_points)
+        points_m = np.ascontiguousarray(query.points_m[::stride])
         through = yield from seen_through_share(
-            query.points_m, match.pose, place.views, config.through_margin_m, config.through_margin_ratio, self.share
+            points_m, match.pose, place.views, config.through_margin_m, config.through_margin_ratio, self.share
         )
         return through <= config.max_through_share * (through + match.share)
 

@@ -19,7 +19,7 @@ from station_gui.mapping.slam2d.share import Share
 FloatArray = NDArray[np.float64]
 
 _SECTORS = 360
-_POINTS_PER_UNIT = 1  # an arc tangent takes about as long as a unit
+_UNITS_PER_POINT = 3  # an arc tangent and a root
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,5 +52,5 @@ def seen_through_share(
             points_m, place_from_query, keyframe.points_m, view.in_place, keyframe.scanner_m, nearest_m, margin_m,
             margin_ratio, through,
         )  # fmt: skip
-        share.take(_SECTORS // 10 + (len(points_m) + len(keyframe.points_m)) // _POINTS_PER_UNIT)
+        share.take(_SECTORS // 10 + _UNITS_PER_POINT * (len(points_m) + len(keyframe.points_m)))
     return float(through.mean()) if len(through) else 0.0
