@@ -52,15 +52,14 @@ class Decoder:
             return None
         state = base.copy()
         payload = np.frombuffer(datagram, np.uint8)[HEAD_BYTES:].copy()
+        coding = Coding(state.model, payload, len(payload), reading=True)
         try:
-            observation, level, _ = code_observation(
-                Coding(state.model, payload, len(payload), reading=True), state, None
-            )
+            observation, level, _ = code_observation(coding, state, None)
         except Unfit:
             self._drop_damaged()
             return None
         check = int.from_bytes(datagram[1:HEAD_BYTES], "little")
-        if check != check_of(datagram[:1] + datagram[HEAD_BYTES:], state):
+        if not coding.has_ended() or check != check_of(datagram[:1] + datagram[HEAD_BYTES:], state):
             self._drop_damaged()
             return None
         return self._accept(datagram[0], state, observation, level)

@@ -89,6 +89,10 @@ class Coding:
             got = 2 * got + int(mixing.code(self.coder, self.data, value >> shift & 1, 32_768))
         return got
 
+    def has_ended(self) -> bool:
+        """Whether nothing is left to read, and the end is as it is written."""
+        return bool(mixing.ends_as_written(self.coder, self.data, 0))
+
     def finish(self) -> bytes:
         """Everything written."""
         return self.data[: mixing.finish(self.coder, self.data, 0)].tobytes()

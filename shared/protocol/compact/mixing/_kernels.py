@@ -75,24 +75,45 @@ def code(coder: Ints, data: Bytes, bit: int, probability: int) -> int:
 
 
 @njit(nogil=True, cache=True)
+def _ending(low: int, high: int) -> int:
+    """The first number of the fewest bytes in an interval, those bytes first, in 32 bits."""
+    for count in range(5):
+        unit = 1 << (32 - 8 * count)
+        value = ((low + unit - 1) // unit) * unit
+        if value <= high:
+            return value
+    return high
+
+
+@njit(nogil=True, cache=True)
 def finish(coder: Ints, data: Bytes, begin: int) -> int:
     """Write the fewest bytes that tell the last interval, zeros behind them understood; gives the end."""
-    low = coder[0]
-    high = coder[1]
-    if low > 0:
-        for count in range(1, 5):
-            unit = np.int64(1) << (32 - 8 * count)
-            value = ((low + unit - 1) // unit) * unit
-            if value <= high:
-                for i in range(count):
-                    if coder[3] < coder[4]:
-                        data[coder[3]] = (value >> (24 - 8 * i)) & 255
-                    coder[3] += 1
-                break
+    value = _ending(coder[0], coder[1])
+    while value > 0:
+        if coder[3] < coder[4]:
+            data[coder[3]] = value >> 24
+        coder[3] += 1
+        value = (value << 8) & 0xFFFFFFFF
     end: int = coder[3]
     while end > begin and end <= coder[4] and data[end - 1] == 0:
         end -= 1
     return end
+
+
+@njit(nogil=True, cache=True)
+def ends_as_written(coder: Ints, data: Bytes, begin: int) -> bool:
+    """Whether what was read is, to its last byte, what `finish` would have written."""
+    at: int = coder[3] - 4
+    end: int = coder[4]
+    if end > begin and data[end - 1] == 0:
+        return False
+    value = _ending(coder[0], coder[1])
+    for _ in range(4):
+        if (data[at] if at < end else 0) != value >> 24:
+            return False
+        at += 1
+        value = (value << 8) & 0xFFFFFFFF
+    return at >= end
 
 
 @njit(nogil=True, cache=True)

@@ -26,6 +26,20 @@ def test_numbers_come_back_as_they_were_written(values: list[tuple[int, int]]) -
     data = coding.finish()
     back = reading(data)
     assert [back.number(0, kind, 32, a=kind % 3) for _, kind in values] == [value for value, _ in values]
+    assert back.has_ended()
+
+
+def test_what_is_longer_than_what_was_written_is_noticed(rng: np.random.Generator) -> None:
+    values = np.round(rng.normal(0, 9, 50)).astype(int).tolist()
+    coding = writing()
+    for value in values:
+        coding.number(value, 2, 12)
+    data = coding.finish()
+    for other in (data + b"\0", data + b"\0\0", data + b"\x01\x02\x03"):
+        back = reading(other)
+        for _ in values:
+            back.number(0, 2, 12)
+        assert not back.has_ended()
 
 
 def test_what_is_expected_costs_next_to_nothing() -> None:
