@@ -69,7 +69,7 @@ class GraphSlam:
     def add(self, scan: PointScan) -> Pose2:
         """See `Slam.add`. Raises MappingError for a scan that holds anything but finite numbers."""
         lines = self._lines(scan)
-        if self._graph.nodes == 0:
+        if not self._keyframes:
             self._begin(scan, lines)
         else:
             self._track(scan, lines)
@@ -216,12 +216,16 @@ class GraphSlam:
         return self._grid.snapshot()
 
     def _begin(self, scan: PointScan, lines: LineScan) -> None:
+        """The map begins with the first scan of enough points; until then the robot is where odometry says."""
+        enough = len(lines.points_m) >= self._config.match.min_points
         self._pose = scan.odom_from_robot.as_array()
-        self._new_node()
-        self._local.begin(self._graph, self._by_node, self._node, self._pose)
-        while not self._local.step():
-            pass
-        self._add_keyframe(scan, lines)
+        if self._graph.nodes == 0:
+            self._new_node()
+            if enough:
+                self._renew_window()
+                self._add_keyframe(scan, lines)
+        elif enough:
+            self._start_over(scan, lines)
 
     def _track(self, scan: PointScan, lines: LineScan) -> None:
         """Predict by odometry, correct on the local map, extend the map and the graph."""

@@ -75,7 +75,7 @@ class ParticleSlam:
     def add(self, scan: PointScan) -> Pose2:
         """See `Slam.add`. Raises MappingError for a scan that holds anything but finite numbers."""
         lines = self._lines(scan)
-        if not self._steps:
+        if not any(self._in_map):
             self._begin(scan, lines)
         else:
             self._track(scan, lines)
@@ -180,9 +180,14 @@ class ParticleSlam:
         return self._grid.snapshot()
 
     def _begin(self, scan: PointScan, lines: LineScan) -> None:
-        """All particles at the first odometry pose."""
-        self._poses[:] = scan.odom_from_robot.as_array()
-        self._record(scan, lines, np.ones(len(self._poses), bool), np.eye(3))
+        """The map begins with the first scan of enough points; until then the robot is where odometry says."""
+        enough = len(lines.points_m) >= self._config.proposal.min_points
+        at = scan.odom_from_robot.as_array()
+        if self._steps and not enough:
+            self._rel = between(self._poses[self._best], at)
+            return
+        self._poses[:] = at
+        self._record(scan, lines, np.full(len(self._poses), enough), np.eye(3))
 
     def _track(self, scan: PointScan, lines: LineScan) -> None:
         """Predict by odometry, correct on the best particle's map, and step when the robot has gone far enough."""
@@ -279,8 +284,10 @@ class ParticleSlam:
         for particle in np.flatnonzero(in_map).tolist():
             self._maps.insert(particle, lines, self._poses[particle], age)
         points, normals = lines.points_m.astype(np.float32), lines.normals.astype(np.float32)
-        self._steps.append(Keyframe(scan.stamp_s, age, np.zeros(3), points, normals, scan.origin_m))
-        self._in_map.append(bool(in_map[self._best]))
+        mapped = bool(in_map[self._best])
+        kept = len(points) if mapped else 0
+        self._steps.append(Keyframe(scan.stamp_s, age, np.zeros(3), points[:kept], normals[:kept], scan.origin_m))
+        self._in_map.append(mapped)
         self._rel = np.zeros(3)
         self._odometry_rel = np.zeros(3)
 

@@ -53,6 +53,7 @@ def to_saved(steps: Sequence[Keyframe], poses: FloatArray) -> SavedMap:
                 step.stamp_s, of_step[k], between(at[of_step[k]], poses[k]), step.points_m, step.normals, step.scanner_m
             )
             for k, step in enumerate(steps)
+            if len(step.points_m)
         ),
     )
 

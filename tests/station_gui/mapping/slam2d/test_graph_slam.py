@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -147,6 +149,24 @@ def test_scans_of_nothing_or_of_one_place_do_no_harm(
         assert np.isfinite(slam.add(scan).as_array()).all()
     slam.finish()
     assert slam.grid().probability.size < 16_000_000
+
+
+@pytest.mark.parametrize("points", [0, 8])
+def test_the_map_begins_with_the_first_scan_of_enough_points(
+    lab: FloatArray, scan_from: ScanMaker, lap: LapMaker, points: int
+) -> None:
+    way = lap(80)
+    scans = _drive(lab, way, scan_from)
+    for k in range(6):
+        scans[k] = replace(scans[k], points_m=scans[k].points_m[:points])
+    slam = _run(scans)
+
+    assert slam.trajectory()[0, 0] == scans[6].stamp_s
+    assert slam.lost_scans == 0
+    steps = np.array([between(a, b) for a, b in itertools.pairwise(slam.scan_poses()[6:])])
+    true_steps = np.array([between(a.as_array(), b.as_array()) for a, b in itertools.pairwise(way[6:])])
+    assert float(np.abs(steps - true_steps).max()) < 0.06
+    assert slam.pose_of_scan(3) == scans[3].odom_from_robot
 
 
 def test_numbers_that_are_not_finite_are_refused() -> None:

@@ -157,6 +157,30 @@ def test_scans_of_nothing_or_of_one_place_do_no_harm(
     assert slam.grid().probability.size < 16_000_000
 
 
+@pytest.mark.parametrize("points", [0, 8])
+def test_the_map_begins_with_the_first_scan_of_enough_points(
+    lab: FloatArray, scan_from: ScanMaker, lap: LapMaker, points: int
+) -> None:
+    scans = _drive(lab, lap(80), scan_from)
+    for k in range(6):
+        scans[k] = replace(scans[k], points_m=scans[k].points_m[:points])
+    slam = _run(scans)
+
+    assert slam.lost_scans == 0
+    assert float(_errors_m(slam, lap(80)).max()) < 0.06
+    assert slam.saved().keyframes[0].stamp_s == scans[6].stamp_s
+
+
+def test_what_did_not_fit_is_neither_drawn_nor_saved(lab: FloatArray, scan_from: ScanMaker, lap: LapMaker) -> None:
+    scans = _drive(lab, lap(80), scan_from)
+    scans[0] = replace(scans[0], points_m=np.array([[-3.0 - 0.1 * k, -3.0] for k in range(8)]))
+    slam = _run(scans)
+
+    occupied = slam.grid().occupied_m()
+    assert float(occupied.min()) > -0.3
+    assert all(len(keyframe.points_m) for keyframe in slam.saved().keyframes)
+
+
 def test_numbers_that_are_not_finite_are_refused() -> None:
     slam = ParticleSlam(_CONFIG, np.random.default_rng(0))
     with pytest.raises(MappingError, match="not finite"):
