@@ -6,7 +6,7 @@ import argparse
 import sys
 
 from shared.command_line import Parser, run, set_up_logging
-from tools.evaluate import codec, extraction, extraction_tables, kidnap, lateness, learners, mission, slam, urg
+from tools.evaluate import codec, extraction, extraction_tables, kidnap, lateness, learners, link, mission, slam, urg
 from tools.logs.base import LogError
 
 _COMMANDS = {
@@ -18,6 +18,7 @@ _COMMANDS = {
     "tables": (extraction_tables, "writes tables 2 and 4, measured, into docs/extraction.md"),
     "learners": (learners, "the three learners side by side (table 2)"),
     "codec": (codec, "what observations cost in profile COMPACT, and in other packings"),
+    "link": (link, "what Wi-Fi and LoRa carry, with losses, failures and cuts"),
     "lateness": (lateness, "by how much the extraction delays the robot's 100 Hz task"),
 }
 

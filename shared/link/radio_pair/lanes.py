@@ -100,6 +100,7 @@ class LaneStatistics:
     delivered_datagrams: int = 0
     delivered_bytes: int = 0
     acknowledged_bytes: int = 0  # of ours
+    read_segments: int = 0  # of the other side's, in order
     duplicates: int = 0
     resent_segments: int = 0
     sent_segments: int = 0
@@ -268,6 +269,7 @@ class Lanes:
             return
         before = stream.receiver.duplicates
         for segment in stream.receiver.take(seq, data):
+            self.statistics.read_segments += 1
             for datagram in stream.assembler.feed(segment):
                 self._deliver(datagram)
         self.statistics.duplicates += stream.receiver.duplicates - before

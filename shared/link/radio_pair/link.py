@@ -184,7 +184,7 @@ class RadioPair:
     def _note_heard(self) -> None:
         """Under the lock."""
         self._heard_s = self._clock.now_s()
-        self._was_connected = True
+        self._was_connected |= self._conversation.has_session
         self._acknowledged.append((self._heard_s, self._lanes.statistics.acknowledged_bytes))
         if len(self._acknowledged) > 1_024:
             self._acknowledged.popleft()

@@ -199,7 +199,7 @@ def test_packets_played_again_are_refused() -> None:
     turns = rig.robot._turns
     played: list[bytes] = []
     hear = turns.heard
-    turns.heard = lambda radio, data, now_s: played.append(data) or hear(radio, data, now_s)  # type: ignore[method-assign,assignment,func-returns-value]
+    turns.heard = lambda radio, data, now_s: played.append(data) or hear(radio, data, now_s)  # type: ignore[method-assign,func-returns-value]
     for value in range(20):
         rig.station.send(bytes((value,)), Lane.NOW)
         rig.run(0.5)

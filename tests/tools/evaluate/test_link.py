@@ -1,0 +1,37 @@
+from __future__ import annotations
+
+import json
+import sys
+
+import pytest
+
+from shared.link.radio_pair.config import PairConfig
+from tools.evaluate import __main__ as evaluate
+from tools.evaluate.link import SCENARIOS, measure
+from tools.evaluate.link_cut import measure_cuts
+
+
+@pytest.mark.parametrize("name", [name for name in SCENARIOS if name != "cut"])
+def test_nothing_is_lost_doubled_or_out_of_order(name: str) -> None:
+    figures = measure(name, 12.0, 1, 110, PairConfig())
+    assert (figures.lost, figures.duplicated, figures.out_of_order) == (0, 0, 0)
+    assert figures.goodput_bps < figures.carried_bps < figures.possible_bps
+
+
+def test_cuts_are_survived_and_counted() -> None:
+    figures = measure_cuts(3, 1, 110, 932)
+    assert (figures.lost, figures.duplicated, figures.out_of_order) == (0, 0, 0)
+    assert figures.failover_ms_max < 500.0
+
+
+def test_the_json_has_the_figures_of_one_scenario(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        sys, "argv", ["evaluate", "link", "--scenario", "paper", "--seconds", "5", "--size", "80", "--json"]
+    )
+    assert evaluate.main() == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert figures["bytes_per_observation"] == 80
+    assert figures["module_limit_bps"] == pytest.approx(9_040, rel=0.001)
+    assert figures["possible_bps"] == pytest.approx(6_020, rel=0.001)
