@@ -12,6 +12,7 @@ import numpy as np
 import zstandard
 
 from shared.messages import Observation
+from shared.protocol import ascii as ascii_profile
 from shared.protocol.codec import encode
 
 PAPER_LORA_BYTES = 471  # paper 1: what one refresh took over LoRa
@@ -60,6 +61,7 @@ def _head(major: int, value: int) -> bytes:
 
 
 PACKINGS: dict[str, Callable[[Observation], int]] = {
+    "ascii": lambda o: len(ascii_profile.encode(o)),
     "full": lambda o: len(encode(o)),
     "struct": lambda o: len(packed(o)),
     "zlib": lambda o: len(zlib.compress(packed(o), 9)),
