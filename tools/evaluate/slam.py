@@ -6,9 +6,9 @@ import argparse
 import bz2
 import gzip
 import json
+import os
 import resource
 import sys
-import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TextIO, cast
@@ -16,12 +16,9 @@ from typing import TextIO, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from station_gui.mapping.scan import to_points
-from station_gui.mapping.slam2d.config import GraphSlamConfig
-from station_gui.mapping.slam2d.graph_slam import GraphSlam
-from station_gui.mapping.slam2d.particle.config import ParticleSlamConfig
-from station_gui.mapping.slam2d.particle.particle_slam import ParticleSlam
+from shared.command_line import EXIT_MISUSE, EXIT_OK, existing_file, seed
 from station_gui.mapping.slam2d.se2_arrays import between
+from tools.evaluate.playing import Run, play, shipped_slam
 from tools.logs.base import LogError
 from tools.logs.carmen import CarmenReader
 from tools.tum import write_tum
@@ -31,7 +28,11 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class SlamFigures:
-    """What `evaluate slam` prints."""
+    """What `evaluate slam` prints. Times are by the clock; those named cpu are what was computed in them.
+
+    `cpu_seconds` is of all threads, `step_cpu_ms` of the mapping thread. `unlocated`: scans that came while the
+    station did not know where the robot is.
+    """
 
     scans: int
     relations: int
@@ -47,99 +48,89 @@ class SlamFigures:
     step_ms_p99_last_1000: float
     peak_rss_mb: float
     loop_closures: int
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Run:
-    """`stamps_s`: (N,), `poses`: (N, 3) after the last optimisation, `steps_s`: (N,) time of each step."""
-
-    stamps_s: FloatArray
-    poses: FloatArray
-    steps_s: FloatArray
-    finish_s: float
-    loop_closures: int
-    truncated: str | None
+    unlocated: int
+    cpu_seconds: float
+    cpu_realtime_factor: float
+    step_ms_max: float
+    step_cpu_ms_p50: float
+    step_cpu_ms_p99: float
+    step_cpu_ms_p99_first_1000: float
+    step_cpu_ms_p99_last_1000: float
+    step_cpu_ms_max: float
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("log", type=Path, help="CARMEN log, plain, .gz or .bz2")
-    parser.add_argument("--relations", type=Path, required=True, help="relations made by hand: t1 t2 x y z r p yaw")
+    parser.add_argument("log", type=existing_file, help="CARMEN log, plain, .gz or .bz2")
+    parser.add_argument(
+        "--relations", type=existing_file, required=True, help="relations made by hand: t1 t2 x y z r p yaw"
+    )
     parser.add_argument("--method", choices=("graph", "particle"), default="graph", help="of SLAM (default: graph)")
-    parser.add_argument("--seed", type=_seed, default=0, help="of the particle filter (default: 0)")
-    parser.add_argument("--trajectory", type=Path, help="write `time x y z qx qy qz qw` of every scan to this file")
+    parser.add_argument("--seed", type=seed, default=0, help="of the particle filter (default: 0)")
+    parser.add_argument(
+        "--trajectory", type=writable_file, help="write `time x y z qx qy qz qw` of every scan to this file"
+    )
     parser.add_argument("--json", action="store_true", help="print the figures as one JSON object")
 
 
 def run(args: argparse.Namespace) -> int:
-    try:
-        relations = read_relations(args.relations)
-        result = play(args.log, make_slam(args.method, args.seed))
-        figures = asdict(summarise(result, relations))
-    except LogError as error:
-        print(error, file=sys.stderr)
-        return 2
-    if args.trajectory is not None:
-        write_tum(args.trajectory, np.column_stack((result.stamps_s, result.poses)))
-    if args.json:
-        print(json.dumps(figures))
-    else:
-        for key, value in figures.items():
-            print(f"{key:24s} {value:.4f}" if isinstance(value, float) else f"{key:24s} {value}")
+    relations = read_relations(args.relations)
+    result = play(CarmenReader(args.log), shipped_slam(args.method, args.seed))
     if result.truncated is not None:
         print(result.truncated, file=sys.stderr)
-        return 2
-    return 0
+    figures = asdict(summarise(result, relations))
+    if args.json:
+        print(json.dumps(figures), flush=True)
+    else:
+        for key, value in figures.items():
+            print(f"{key:28s} {value:.4f}" if isinstance(value, float) else f"{key:28s} {value}", flush=True)
+    if args.trajectory is not None:
+        write_tum(args.trajectory, np.column_stack((result.stamps_s, result.poses)))
+    return EXIT_OK if result.truncated is None else EXIT_MISUSE
 
 
-def _seed(text: str) -> int:
-    seed = int(text)
-    if seed < 0:
-        raise argparse.ArgumentTypeError(f"a seed is not negative: {seed}")
-    return seed
-
-
-def make_slam(method: str, seed: int) -> GraphSlam | ParticleSlam:
-    """`method` with the parameters that it is shipped with; `seed`: of the particle filter."""
-    if method == "particle":
-        return ParticleSlam(ParticleSlamConfig(), np.random.default_rng(seed))
-    return GraphSlam(GraphSlamConfig())
-
-
-def play(log: Path, slam: GraphSlam | ParticleSlam) -> Run:
-    """The whole log through the shipped SLAM, in the order of the file."""
-    reader = CarmenReader(log)
-    stamps, steps = [], []
-    for observation in reader:
-        began_s = time.perf_counter()
-        slam.add(to_points(observation))
-        steps.append(time.perf_counter() - began_s)
-        stamps.append(observation.stamp_s)
-    began_s = time.perf_counter()
-    slam.finish()
-    finish_s = time.perf_counter() - began_s
-    return Run(np.array(stamps), slam.scan_poses(), np.array(steps), finish_s, len(slam.closures()), reader.truncated)
+def writable_file(text: str) -> Path:
+    """For a command line: refused before the work, not after it."""
+    path = Path(text)
+    if path.is_dir():
+        raise argparse.ArgumentTypeError(f"{text}: is a folder, not a file")
+    if not path.parent.is_dir():
+        raise argparse.ArgumentTypeError(f"{text}: there is no folder {path.parent}")
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise argparse.ArgumentTypeError(f"{text}: cannot be written")
+    return path
 
 
 def summarise(result: Run, relations: FloatArray) -> SlamFigures:
+    if not result.scans:
+        raise LogError(result.truncated or "the log holds no scan")
     translation_m, rotation_rad = relation_errors(result.stamps_s, result.poses, relations)
-    milliseconds = result.steps_s * 1e3
-    seconds = float(result.steps_s.sum()) + result.finish_s
-    played_s = float(result.stamps_s.max() - result.stamps_s.min())
+    wall_ms = 1e3 * np.array([step.wall_s for step in result.steps])
+    cpu_ms = 1e3 * np.array([step.thread_s for step in result.steps])
+    played_s = float(np.ptp(result.stamps_s))
     return SlamFigures(
-        scans=len(result.stamps_s),
+        scans=len(result.scans),
         relations=len(translation_m),
         translation_mean_m=float(translation_m.mean()),
         translation_std_m=float(translation_m.std()),
         rotation_mean_deg=float(np.degrees(rotation_rad).mean()),
         rotation_std_deg=float(np.degrees(rotation_rad).std()),
-        seconds=seconds,
-        realtime_factor=played_s / seconds,
-        step_ms_p50=float(np.percentile(milliseconds, 50)),
-        step_ms_p99=float(np.percentile(milliseconds, 99)),
-        step_ms_p99_first_1000=float(np.percentile(milliseconds[:1000], 99)),
-        step_ms_p99_last_1000=float(np.percentile(milliseconds[-1000:], 99)),
+        seconds=result.wall_s,
+        realtime_factor=played_s / result.wall_s,
+        step_ms_p50=float(np.percentile(wall_ms, 50)),
+        step_ms_p99=float(np.percentile(wall_ms, 99)),
+        step_ms_p99_first_1000=float(np.percentile(wall_ms[:1000], 99)),
+        step_ms_p99_last_1000=float(np.percentile(wall_ms[-1000:], 99)),
         peak_rss_mb=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
         loop_closures=result.loop_closures,
+        unlocated=result.unlocated,
+        cpu_seconds=result.cpu_s,
+        cpu_realtime_factor=played_s / result.cpu_s,
+        step_ms_max=float(wall_ms.max()),
+        step_cpu_ms_p50=float(np.percentile(cpu_ms, 50)),
+        step_cpu_ms_p99=float(np.percentile(cpu_ms, 99)),
+        step_cpu_ms_p99_first_1000=float(np.percentile(cpu_ms[:1000], 99)),
+        step_cpu_ms_p99_last_1000=float(np.percentile(cpu_ms[-1000:], 99)),
+        step_cpu_ms_max=float(cpu_ms.max()),
     )
 
 
@@ -180,13 +171,3 @@ def relation_errors(stamps_s: FloatArray, poses: FloatArray, relations: FloatArr
     if not translation:
         raise LogError("no relation names two stamps of the log")
     return np.array(translation), np.array(rotation)
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(prog="evaluate slam", description=__doc__)
-    add_arguments(parser)
-    return run(parser.parse_args())
-
-
-if __name__ == "__main__":
-    sys.exit(main())

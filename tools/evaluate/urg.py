@@ -6,26 +6,19 @@ import argparse
 import json
 import math
 import sys
-import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shared.command_line import EXIT_MISUSE, EXIT_OK, existing_file, seed
-from station_gui.mapping.scan import PointScan, to_points
-from station_gui.mapping.slam2d.graph_slam import GraphSlam
-from station_gui.mapping.slam2d.particle.particle_slam import ParticleSlam
 from tools.evaluate.cloud import cloud_of, range_noise_m
-from tools.evaluate.revisit import revisit
-from tools.evaluate.slam import make_slam
+from tools.evaluate.playing import Run, play, shipped_slam
+from tools.evaluate.revisit import MARKED_VISITS, revisit
 from tools.evaluate.walls import Wall, find_walls
-from tools.logs.base import LogError, LogReader
+from tools.logs.base import LogError
 from tools.logs.urg import UrgReader
 from tools.pictures import draw_map
-
-FloatArray = NDArray[np.float64]
 
 _MAX_RANGE_M = 4.0  # a URG-04LX promises no more
 
@@ -46,18 +39,6 @@ class WallFigures:
     double_length_m: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Played:
-    """`odometry`, `poses`: (N, 3); `ranges_m`: (N, B)."""
-
-    scans: list[PointScan]
-    ranges_m: NDArray[np.float32]
-    odometry: FloatArray
-    poses: FloatArray
-    seconds: float
-    truncated: str | None
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("logs", nargs="+", metavar="LOG", type=existing_file, help="URG-04LX logs: .dat, .dat.gz")
     parser.add_argument("--method", choices=("graph", "particle"), default="graph", help="of SLAM (default: graph)")
@@ -70,13 +51,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     reports, status = {}, EXIT_OK
     for log in args.logs:
-        slam = make_slam(args.method, args.seed)
+        slam = shipped_slam(args.method, args.seed)
         played = play(UrgReader(log), slam)
         if played.truncated is not None:
             print(played.truncated, file=sys.stderr)
             status = EXIT_MISUSE
-        name = log.name.split(".")[0]
-        walls, report = measure(played)
+        name = log_name(log)
+        walls, report = measure(played, name)
         reports[name] = report
         if args.out is not None:
             args.out.mkdir(parents=True, exist_ok=True)
@@ -87,31 +68,21 @@ def run(args: argparse.Namespace) -> int:
     return status
 
 
-def play(reader: LogReader, slam: GraphSlam | ParticleSlam) -> Played:
-    """The whole log through the shipped SLAM."""
-    scans, ranges, seconds = [], [], 0.0
-    for observation in reader:
-        scan = to_points(observation)
-        began_s = time.perf_counter()
-        slam.add(scan)
-        seconds += time.perf_counter() - began_s
-        scans.append(scan)
-        ranges.append(observation.ranges_m)
-    if not scans:
-        raise LogError(reader.truncated or "the log holds no scan")
-    began_s = time.perf_counter()
-    slam.finish()
-    seconds += time.perf_counter() - began_s
-    odometry = np.array([scan.odom_from_robot.as_array() for scan in scans])
-    return Played(scans, np.array(ranges), odometry, slam.scan_poses(), seconds, reader.truncated)
+def log_name(log: Path) -> str:
+    return log.name.split(".")[0]
 
 
-def measure(played: Played) -> tuple[list[Wall], dict[str, float | int | None]]:
+def measure(played: Run, name: str) -> tuple[list[Wall], dict[str, float | int | None]]:
+    """`name`: of the log, for the visits to its start that were marked by hand."""
+    if not played.scans:
+        raise LogError(played.truncated or "the log holds no scan")
     cloud = cloud_of(played.scans, played.poses, _MAX_RANGE_M)
     walls = find_walls(cloud)
-    back = revisit(cloud, played.poses)
-    figures: dict[str, float | int] = {"scans": len(played.scans), "seconds": played.seconds}
-    figures |= asdict(wall_figures(walls)) | {"scanner_noise_m": range_noise_m(played.ranges_m, played.odometry)}
+    back = revisit(cloud, played.poses, MARKED_VISITS.get(name))
+    odometry = np.array([scan.odom_from_robot.as_array() for scan in played.scans])
+    figures: dict[str, float | int] = {"scans": len(played.scans), "unlocated": played.unlocated}
+    figures |= {"loop_closures": played.loop_closures, "seconds": played.wall_s, "cpu_seconds": played.cpu_s}
+    figures |= asdict(wall_figures(walls)) | {"scanner_noise_m": range_noise_m(np.array(played.ranges_m), odometry)}
     figures |= {f"revisit_{key}": value for key, value in (asdict(back) if back is not None else {}).items()}
     return walls, {key: _rounded(value) for key, value in figures.items()}
 

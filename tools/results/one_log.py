@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import sys
 from dataclasses import asdict
@@ -12,11 +13,12 @@ from typing import Any
 from PIL import Image
 
 from shared.command_line import EXIT_OK, Parser, existing_file, run
-from station_gui.mapping.slam2d.graph_slam import GraphSlam
-from station_gui.mapping.slam2d.particle.particle_slam import ParticleSlam
+from station_gui.mapping.slam2d.base import SessionSlam
 from tools.evaluate import slam as slam_log
 from tools.evaluate import urg as urg_log
-from tools.logs.base import LogError
+from tools.evaluate.playing import play, shipped_slam
+from tools.logs.base import LogError, LogReader
+from tools.logs.carmen import CarmenReader
 from tools.logs.urg import UrgReader
 from tools.pictures import draw_map, palette
 
@@ -29,24 +31,26 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("log", type=existing_file)
     parser.add_argument("--relations", type=existing_file, help="of a CARMEN log; without it the log is a URG's")
     parser.add_argument("--method", choices=("graph", "particle"), required=True)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--picture", type=Path, required=True)
-    parser.add_argument("--title", required=True)
+    parser.add_argument("--picture", type=Path, help="of the map")
+    parser.add_argument("--title", default="", help="of the picture")
     return parser
 
 
 def measure(args: argparse.Namespace) -> dict[str, Any]:
-    slam = slam_log.make_slam(args.method, args.seed)
+    slam = shipped_slam(args.method, 0)
+    reader: LogReader = UrgReader(args.log) if args.relations is None else CarmenReader(args.log)
+    played = play(reader, slam)
+    figures: dict[str, Any]
     if args.relations is not None:
-        relations = slam_log.read_relations(args.relations)
-        figures = asdict(slam_log.summarise(slam_log.play(args.log, slam), relations))
+        figures = asdict(slam_log.summarise(played, slam_log.read_relations(args.relations)))
     else:
-        figures = urg_log.measure(urg_log.play(UrgReader(args.log), slam))[1]
-    _draw(slam, args.picture, args.title)
-    return figures
+        figures = urg_log.measure(played, urg_log.log_name(args.log))[1]
+    if args.picture is not None:
+        _draw(slam, args.picture, args.title)
+    return figures | {"trajectory_sha256": hashlib.sha256(played.poses.tobytes()).hexdigest()}
 
 
-def _draw(slam: GraphSlam | ParticleSlam, path: Path, title: str) -> None:
+def _draw(slam: SessionSlam, path: Path, title: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     draw_map(slam.grid(), slam.trajectory(), slam.closures(), path, title=title)
     shrink(path)

@@ -1,13 +1,18 @@
 from __future__ import annotations
 
-import argparse
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from shared.command_line import Parser, run
+from station_gui.build import build_slam
+from station_gui.config import load_config
 from tools.evaluate import slam
+from tools.evaluate.playing import Method, shipped, shipped_slam
+from tools.logs.base import LogError
 
 
 def _log(path: Path, scans: int) -> Path:
@@ -18,9 +23,10 @@ def _log(path: Path, scans: int) -> Path:
 
 
 def _run(*words: str) -> int:
-    parser = argparse.ArgumentParser()
+    """As the command line does it."""
+    parser = Parser(prog="slam")
     slam.add_arguments(parser)
-    return slam.run(parser.parse_args(words))
+    return run("slam", lambda: slam.run(parser.parse_args(words)), also=(LogError,))
 
 
 def test_errors_are_those_of_the_relative_pose() -> None:
@@ -51,20 +57,22 @@ def test_all_figures_are_printed_as_json_and_the_trajectory_is_written(
     assert set(figures) == {
         "scans", "relations", "translation_mean_m", "translation_std_m", "rotation_mean_deg", "rotation_std_deg",
         "seconds", "realtime_factor", "step_ms_p50", "step_ms_p99", "step_ms_p99_first_1000", "step_ms_p99_last_1000",
-        "peak_rss_mb", "loop_closures",
+        "peak_rss_mb", "loop_closures", "unlocated", "cpu_seconds", "cpu_realtime_factor", "step_ms_max",
+        "step_cpu_ms_p50", "step_cpu_ms_p99", "step_cpu_ms_p99_first_1000", "step_cpu_ms_p99_last_1000",
+        "step_cpu_ms_max",
     }  # fmt: skip
+    assert 0 < figures["step_cpu_ms_p50"] <= figures["step_cpu_ms_p99"] <= figures["step_cpu_ms_max"]
     rows = np.loadtxt(trajectory)
     assert rows.shape == (20, 8)
     np.testing.assert_allclose(rows[:, 6] ** 2 + rows[:, 7] ** 2, 1.0)
 
 
-@pytest.mark.parametrize("content", ["1 2 3\n", "a b c d e f g h\n", "", None])
+@pytest.mark.parametrize("content", ["1 2 3\n", "a b c d e f g h\n", ""])
 def test_relations_that_cannot_be_used_give_one_line_and_exit_code_2(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str | None
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str
 ) -> None:
     relations = tmp_path / "a.relations"
-    if content is not None:
-        relations.write_text(content)
+    relations.write_text(content)
     code = _run(str(_log(tmp_path / "a.clf", 2)), "--relations", str(relations))
     told = capsys.readouterr().err
     assert code == 2
@@ -106,10 +114,31 @@ def test_the_particle_filter_gives_the_same_figures_and_the_same_trajectory_for_
     assert written[0] == written[1]
 
 
-@pytest.mark.parametrize("words", [("--method", "kalman"), ("--seed", "-1"), ("--seed", "x")], ids=str)
-def test_unknown_methods_and_seeds_are_refused(
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--method", "kalman"), ("--seed", "-1"), ("--seed", "x"), ("--trajectory", "/nope/x.tum"),
+        ("--trajectory", "."), ("--relations", "nope.relations"),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_options_that_cannot_be_used_are_refused_in_one_line_before_the_work(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, str]
 ) -> None:
+    log, relations = _log(tmp_path / "a.clf", 2), tmp_path / "a.relations"
+    relations.write_text("100.0 101.0 0 0 0 0 0 0\n")
     with pytest.raises(SystemExit, match="2"):
-        _run("a.clf", "--relations", "a.relations", *words)
-    assert words[0] in capsys.readouterr().err
+        _run(str(log), "--relations", str(relations), *words)
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert words[0] in told
+    assert words[1] in told
+
+
+def test_what_is_measured_is_what_the_station_ships() -> None:
+    methods: tuple[Method, Method] = ("graph", "particle")
+    for method in methods:
+        config = shipped(method, 7)
+        assert config == replace(load_config(None), method=method, particle_slam=config.particle_slam)
+        assert config.particle_slam == replace(load_config(None).particle_slam, seed=7)
+        assert type(shipped_slam(method, 0)) is type(build_slam(load_config(None)))

@@ -118,6 +118,22 @@ def test_the_offset_of_a_map_that_drifted_is_found(rng: np.random.Generator) -> 
     assert found.aligned_median_m < 2 * SIGMA_M < found.median_m
 
 
+def test_a_map_that_misses_its_own_start_by_metres_is_compared_all_the_same(rng: np.random.Generator) -> None:
+    """Its poses say that the robot never came back; the marks know better."""
+    ways = way_round()
+    astray = Pose2(2.0, 3.0, 2.0)
+    cloud, poses = mapped(rng, [p if k < 30 else astray @ p for k, p in enumerate(ways)])
+    assert revisit(cloud, poses) is None
+    found = revisit(cloud, poses, ((0, 5), (55, 59)))
+    assert found is not None
+    assert math.isnan(found.median_m)
+    expected = astray.apply(np.array([[ways[-1].x_m, ways[-1].y_m]]))[0] - [ways[-1].x_m, ways[-1].y_m]
+    assert found.offset_m == pytest.approx(float(np.hypot(*expected)), abs=0.15)
+    assert found.offset_deg == pytest.approx(-math.degrees(2.0), abs=1.0)
+    assert found.aligned_median_m < 2 * SIGMA_M
+    assert revisit(cloud, poses, ((0, 5), (55, 60))) is None  # the log ends before
+
+
 def test_a_robot_that_does_not_come_back_has_no_revisit() -> None:
     out = np.column_stack((np.linspace(0.0, 9.0, 50), np.zeros(50), np.zeros(50)))
     assert visits(out) is None

@@ -1,0 +1,104 @@
+"""A log through the SLAM that the station ships, and what each step took."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station_gui.build import build_slam
+from station_gui.config import StationConfig, load_config
+from station_gui.mapping.scan import PointScan, to_points
+from station_gui.mapping.slam2d.base import SessionSlam
+from station_gui.mapping.snapshot import Tracking
+from tools.logs.base import LogReader
+
+FloatArray = NDArray[np.float64]
+Method = Literal["graph", "particle"]
+
+
+@dataclass(frozen=True, slots=True)
+class Spent:
+    """Time of one piece of work: on the clock, by this thread, and by all threads of this process.
+
+    On a loaded machine the clock runs on while the thread waits for a core; what the thread spent does not.
+    """
+
+    wall_s: float
+    thread_s: float
+    process_s: float
+
+
+class Stopwatch:
+    """Runs from when it is made."""
+
+    def __init__(self) -> None:
+        self._process_s = time.process_time()
+        self._thread_s = time.thread_time()
+        self._wall_s = time.perf_counter()
+
+    def spent(self) -> Spent:
+        wall_s, thread_s = time.perf_counter() - self._wall_s, time.thread_time() - self._thread_s
+        return Spent(wall_s, thread_s, time.process_time() - self._process_s)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """`stamps_s`: (N,); `poses`: (N, 3), map_from_robot after the last optimisation; `steps`: of each scan.
+
+    `ranges_m`: of each scan, (B,). `unlocated`: how many scans came while the station did not know its place.
+    """
+
+    scans: list[PointScan]
+    ranges_m: list[NDArray[np.float32]]
+    poses: FloatArray
+    steps: list[Spent]
+    finish: Spent
+    loop_closures: int
+    unlocated: int
+    truncated: str | None
+
+    @property
+    def stamps_s(self) -> FloatArray:
+        return np.array([scan.stamp_s for scan in self.scans])
+
+    @property
+    def wall_s(self) -> float:
+        return sum(step.wall_s for step in self.steps) + self.finish.wall_s
+
+    @property
+    def cpu_s(self) -> float:
+        """Of all threads."""
+        return sum(step.process_s for step in self.steps) + self.finish.process_s
+
+
+def shipped(method: Method, seed: int) -> StationConfig:
+    """The station's own configuration with this method; `seed`: of the particle filter."""
+    config = load_config(None)
+    return replace(config, method=method, particle_slam=replace(config.particle_slam, seed=seed))
+
+
+def shipped_slam(method: Method, seed: int) -> SessionSlam:
+    """What the station's pipeline is built of."""
+    return build_slam(shipped(method, seed))
+
+
+def play(reader: LogReader, slam: SessionSlam) -> Run:
+    """The whole log, in the order of the file."""
+    scans, ranges, steps, unlocated = [], [], [], 0
+    for observation in reader:
+        scan = to_points(observation)
+        watch = Stopwatch()
+        slam.add(scan)
+        steps.append(watch.spent())
+        unlocated += slam.tracking is not Tracking.LOCATED
+        scans.append(scan)
+        ranges.append(observation.ranges_m)
+    watch = Stopwatch()
+    slam.finish()
+    finish = watch.spent()
+    poses = np.array([slam.pose_of_scan(k).as_array() for k in range(len(scans))]).reshape(-1, 3)
+    return Run(scans, ranges, poses, steps, finish, len(slam.closures()), unlocated, reader.truncated)
