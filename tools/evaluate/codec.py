@@ -41,6 +41,7 @@ class Tally:
 
     sizes: list[int] = field(default_factory=list)
     pose: list[int] = field(default_factory=list)
+    alignment: list[int] = field(default_factory=list)
     scan: list[int] = field(default_factory=list)
     objects: list[int] = field(default_factory=list)
     levels: list[int] = field(default_factory=list)
@@ -164,6 +165,7 @@ def measure(observations: list[Observation], channel: Channel, packings: bool, r
         tally.encode_ms.append(1e3 * (time.perf_counter() - began_s))
         tally.sizes.append(len(encoded.datagram))
         tally.pose.append(encoded.sizes.pose)
+        tally.alignment.append(encoded.sizes.alignment - encoded.sizes.pose)
         tally.scan.append(encoded.sizes.scan - encoded.sizes.pose)
         tally.objects.append(encoded.sizes.objects - encoded.sizes.scan)
         tally.levels.append(encoded.level)
@@ -207,7 +209,10 @@ def _compare(sent: Observation, received: Observation, tally: Tally) -> None:
 
 
 def figures(tally: Tally) -> dict[str, float]:
-    """Means over all observations; bytes_per_observation is the whole datagram, its three bytes of head included."""
+    """Means over all observations; bytes_per_observation is the whole datagram, its three bytes of head included.
+
+    bytes_alignment are of those of the scan.
+    """
     report: dict[str, float] = {
         "observations": len(tally.sizes),
         "decoded": tally.decoded,
@@ -215,6 +220,7 @@ def figures(tally: Tally) -> dict[str, float]:
         "bytes_p99": float(np.percentile(tally.sizes, 99)),
         "bytes_pose": statistics.fmean(tally.pose),
         "bytes_scan": statistics.fmean(tally.scan),
+        "bytes_alignment": statistics.fmean(tally.alignment),
         "bytes_objects": statistics.fmean(tally.objects),
         "keyframes": len(tally.keyframes),
         "keyframe_bytes": statistics.fmean(tally.keyframes) if tally.keyframes else 0.0,

@@ -62,6 +62,7 @@ class Sizes:
     """Bytes so far, after each part."""
 
     pose: int = 0
+    alignment: int = 0  # the scan's, to the last one
     scan: int = 0
     objects: int = 0
 
@@ -75,9 +76,10 @@ def code_observation(coding: Coding, state: State, choice: Choice | None) -> tup
     sweep = _code_head(coding, state, choice)
     was = state.odom
     _code_pose(coding, state, choice)
+    sizes.pose = coding.bytes_so_far
     motion = sweep.motion(state.speed, state.turn_rate)
     turned = _code_correction(coding, state, choice, was, motion, sweep)
-    sizes.pose = coding.bytes_so_far
+    sizes.alignment = coding.bytes_so_far
     ranges_mm = _code_scan(coding, state, choice, turned, motion, sweep)
     sizes.scan = coding.bytes_so_far
     network = code_objects(coding, state, choice.network(state) if choice else None)
