@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 from shared.geometry.se2 import Pose2
 from shared.messages import Observation
@@ -17,13 +18,16 @@ from station_gui.mapping.snapshot import KNOWN_PLACE, MapSnapshot, Tracking
 MakeSlam = Callable[[SavedMap | None, bool], SessionSlam]  # from a map to begin with, and whether it is not to change
 
 _FARTHEST_M = 10_000.0  # no robot of ours drives so far: whoever says so is not one
+_HEARD_OF_ANOTHER = 3  # observations in a row of another start, for a single one may be a stray
+_WORTH_KEEPING = 10  # keyframes: in a smaller map nobody can be found again
+_BETWEEN_SESSIONS_S = 1.0
 
 
 class MappingPipeline:
     """Observation → SLAM → grid and 3D objects → snapshot. One thread.
 
-    What comes twice or late is left out; a robot that was started again, or another one, begins a new map, or,
-    where a map was given, has to be found in it again.
+    What comes twice or late is left out. A robot that was started again, or another one, has to be found in the map
+    that there is; it begins a new one where there is hardly any.
     """
 
     def __init__(self, make_slam: MakeSlam, combine: CombineConfig) -> None:
@@ -33,12 +37,18 @@ class MappingPipeline:
         self.maps_begun = 0
         self._given: SavedMap | None = None
         self._fixed = False
-        self._begin()
+        self._heard: list[Observation] = []  # of another start
+        self._begin(self._make_slam(None, False))
 
     def open_map(self, given: SavedMap, *, fixed: bool) -> None:
-        """Forget the present map and begin with this one; `fixed`: only localise in it. Raises `MappingError`."""
+        """Forget the present map and begin with this one; `fixed`: only localise in it.
+
+        Raises `MappingError` for one that cannot be used; the present one stays.
+        """
+        slam = self._make_slam(given, fixed)
+        slam.grid()  # a map that cannot be drawn would never be seen
         self._given, self._fixed = given, fixed
-        self._begin()
+        self._begin(slam)
         self._revision += 1
 
     def saved_map(self) -> SavedMap:
@@ -46,13 +56,22 @@ class MappingPipeline:
         return self._slam.saved()
 
     def _begin_again(self) -> None:
-        """What has been added to a given map is kept."""
-        if self._given is not None:
-            self._given = self._slam.saved()
-        self._begin()
+        """With what has been mapped so far."""
+        self._given = self._worth_keeping()
+        self._begin(self._make_slam(self._given, self._fixed))
 
-    def _begin(self) -> None:
-        self._slam = self._make_slam(self._given, self._fixed)
+    def _worth_keeping(self) -> SavedMap | None:
+        try:
+            saved = self._slam.saved()
+        except MappingError:
+            return self._given
+        return saved if self._given is not None or len(saved.keyframes) >= _WORTH_KEEPING else None
+
+    def _begin(self, slam: SessionSlam) -> None:
+        self._slam = slam
+        stamps = [keyframe.stamp_s for keyframe in self._given.keyframes] if self._given is not None else []
+        self._sessions_end_s = max(stamps, default=-math.inf)
+        self._later_s = 0.0  # by which the stamps of this session come later in the map
         self._combiner = ObjectCombiner(self._combine)
         self.maps_begun += 1
         self._observations = 0
@@ -85,18 +104,43 @@ class MappingPipeline:
         if max(abs(pose.x_m), abs(pose.y_m)) > _FARTHEST_M:
             raise MappingError(f"observation {observation.sequence} claims to be {pose.x_m:.0f}, {pose.y_m:.0f} m away")
         if self._boot_id is not None and observation.boot_id != self._boot_id:
-            self._begin_again()
+            return self._hear_of_another(observation)
+        if not self._map(observation):
+            return False
+        self._heard = []
+        return True
+
+    def _hear_of_another(self, observation: Observation) -> bool:
+        """Another start, once there is no doubt about it; nothing of it is lost."""
+        heard = self._heard
+        if heard and observation.boot_id != heard[-1].boot_id:
+            heard.clear()
+        if heard and observation.sequence <= heard[-1].sequence:
+            return False
+        heard.append(observation)
+        if len(heard) < _HEARD_OF_ANOTHER:
+            return False
+        self._heard = []
+        self._begin_again()
+        for one in heard:
+            self._map(one)
+        return True
+
+    def _map(self, observation: Observation) -> bool:
         if observation.sequence <= self._sequence:
             return False
+        if self._boot_id is None:
+            self._later_s = max(0.0, self._sessions_end_s + _BETWEEN_SESSIONS_S - observation.stamp_s)
         began_s = stopwatch_s()
-        self._map_from_robot = self._slam.add(to_points(observation))
+        scan = to_points(observation)
+        self._map_from_robot = self._slam.add(replace(scan, stamp_s=scan.stamp_s + self._later_s))
         self._boot_id, self._sequence = observation.boot_id, observation.sequence
         self._slam_s = stopwatch_s() - began_s
         if observation.has_objects and self.tracking in KNOWN_PLACE:
             self._combiner.add(self._observations, self._map_from_robot, observation.objects)
         self._observations += 1
         self._stamp_s = observation.stamp_s
-        self._odom_from_robot = pose
+        self._odom_from_robot = observation.odom_from_robot
         self._revision += 1
         return True
 

@@ -11,7 +11,6 @@ import contextlib
 import math
 import os
 import struct
-import tempfile
 import zlib
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -31,8 +30,11 @@ _MAX_NODES, _MAX_EDGES, _MAX_KEYFRAMES, _MAX_POINTS = 200_000, 1_000_000, 200_00
 _MAX_FILE_BYTES = 512 * 1024 * 1024
 _FINEST_STEP_M, _COARSEST_STEP_M = 1e-4, 0.01
 _LAST_STEP = 32_767  # of a coordinate, either way
+_FARTHEST_POINT_M = _LAST_STEP * _COARSEST_STEP_M  # no scanner of ours sees farther: such points are left out
 _NORMAL_ANGLES = 65_535  # 0 stands for no normal
-_FARTHEST_M = 1e5
+_FARTHEST_M = 1e4  # of any place from any other
+_FARTHEST_SCANNER_M = 10.0  # from the middle of its robot
+_LATEST_S = 1e11  # any clock's
 _MAX_WRITTEN_KEYFRAMES = 20_000  # about 20 MB
 _PLACE_M, _PLACE_RAD = 0.25, math.radians(30.0)  # keyframes nearer to each other show the same
 _TRIANGLE = np.triu_indices(3)
@@ -71,20 +73,17 @@ def write_map(saved: SavedMap, path: Path) -> None:
     Of a map of very many sessions the newest scans of each place are kept.
     """
     data = encode(thinned(saved, _MAX_WRITTEN_KEYFRAMES))
+    part = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
-    except OSError as error:
-        raise MapFileError(f"{path}: cannot be written: {error.strerror}; choose another folder") from error
-    try:
-        with os.fdopen(handle, "wb") as stream:
+        with part.open("wb") as stream:  # with the rights that the user's files have
             stream.write(data)
             stream.flush()
             os.fsync(stream.fileno())
-        Path(name).replace(path)
+        part.replace(path)
     except OSError as error:
         with contextlib.suppress(OSError):
-            Path(name).unlink()
+            part.unlink()
         raise MapFileError(f"{path}: cannot be written: {error.strerror}; choose another folder") from error
 
 
@@ -120,8 +119,8 @@ def read_map(path: Path) -> SavedMap:
 
 def encode(saved: SavedMap) -> bytes:
     """Raises `MapFileError` for a map that is empty or larger than a file may hold."""
-    keyframes = saved.keyframes
-    if not keyframes or len(saved.nodes) == 0:
+    keyframes = [_within_reach(keyframe) for keyframe in saved.keyframes]
+    if not any(len(keyframe.points_m) for keyframe in keyframes):
         raise MapFileError("there is no map to save yet")
     points = np.concatenate([keyframe.points_m for keyframe in keyframes])
     normals = np.concatenate([keyframe.normals for keyframe in keyframes])
@@ -217,19 +216,20 @@ class _Body:
 
 def _in_bounds(counts: tuple[int, int, int, int]) -> bool:
     nodes, edges, keyframes, points = counts
-    return 0 < nodes <= _MAX_NODES and edges <= _MAX_EDGES and 0 < keyframes <= _MAX_KEYFRAMES and points <= _MAX_POINTS
+    few = nodes <= _MAX_NODES and edges <= _MAX_EDGES and keyframes <= _MAX_KEYFRAMES and points <= _MAX_POINTS
+    return few and min(nodes, keyframes, points) > 0
 
 
 def _check(saved: SavedMap) -> None:
     """Numbers that no map has would only be found out deep in the mathematics."""
     places = [keyframe.in_node for keyframe in saved.keyframes]
-    scanners = [keyframe.scanner_m for keyframe in saved.keyframes]
-    for array in (saved.nodes, saved.measured, np.array(places), np.array(scanners)):
-        if not np.isfinite(array).all() or float(np.abs(array).max(initial=0.0)) > _FARTHEST_M:
-            raise MapFileError("holds places that cannot be; use another copy of it")
+    scanners = np.array([keyframe.scanner_m for keyframe in saved.keyframes])
+    within_m = ((saved.nodes, _FARTHEST_M), (saved.measured, _FARTHEST_M), (np.array(places), _FARTHEST_M))
+    if not all(_is_within(array, limit_m) for array, limit_m in (*within_m, (scanners, _FARTHEST_SCANNER_M))):
+        raise MapFileError("holds places that cannot be; use another copy of it")
     stamps = np.array([keyframe.stamp_s for keyframe in saved.keyframes])
     lengths = saved.length_m
-    if not (np.isfinite(stamps).all() and np.isfinite(lengths).all() and (lengths >= 0).all()):
+    if not (_is_within(stamps, _LATEST_S) and _is_within(lengths, _FARTHEST_M) and (lengths >= 0).all()):
         raise MapFileError("holds times or lengths that cannot be; use another copy of it")
     of_node = saved.keyframe_nodes()
     if of_node.min() < 0 or of_node.max() >= len(saved.nodes) or (np.diff(of_node) < 0).any():
@@ -239,6 +239,17 @@ def _check(saved: SavedMap) -> None:
         raise MapFileError("its graph names nodes that are not there; use another copy of it")
     if not np.isfinite(saved.information).all() or (len(ends) and np.linalg.eigvalsh(saved.information).min() < 0):
         raise MapFileError("its graph holds weights that cannot be; use another copy of it")
+
+
+def _within_reach(keyframe: Keyframe) -> Keyframe:
+    near = (np.abs(keyframe.points_m) <= _FARTHEST_POINT_M).all(axis=1)
+    if near.all():
+        return keyframe
+    return replace(keyframe, points_m=keyframe.points_m[near], normals=keyframe.normals[near])
+
+
+def _is_within(array: FloatArray, limit: float) -> bool:
+    return bool(np.isfinite(array).all()) and float(np.abs(array).max(initial=0.0)) <= limit
 
 
 def _full(triangle: FloatArray) -> FloatArray:

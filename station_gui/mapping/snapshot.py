@@ -62,12 +62,13 @@ KNOWN_PLACE = frozenset({Tracking.LOCATED, Tracking.APART})
 class MapSnapshot:
     """The state of the map after one observation.
 
-    `trajectory`: (K, 4) float64, stamp_s, x_m, y_m, theta_rad of every keyframe, map frame, after optimisation.
+    `trajectory`: (K, 4) float64, stamp_s, x_m, y_m, theta_rad of every keyframe, map frame, after optimisation. Stamps
+    are those of the robot's clock; in a map of several sessions later ones are moved to follow those before.
     `closures`: (L, 2) int32, indices into `trajectory`.
     """
 
     revision: int  # grows with every observation that entered a map
-    stamp_s: float  # of the newest observation in it
+    stamp_s: float  # of the newest observation in it, robot clock
     map_from_robot: Pose2
     map_from_odom: Pose2
     grid: GridMap

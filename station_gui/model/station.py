@@ -87,6 +87,7 @@ class Station:
         self._observation: Observation | None = None
         self._snapshot: MapSnapshot | None = None
         self._mapping_fault = False
+        self._drawing_fault = False
         self._seen_revision = 0
         self._received = RateMeter()
         self._observed = RateMeter()
@@ -120,8 +121,7 @@ class Station:
             self._map(observation)
             done += 1
         if done:
-            self._snapshot = self._pipeline.snapshot()
-            self._map_files.tell(self._snapshot.tracking)
+            self._publish()
 
     def finish_mapping(self) -> MapSnapshot | None:
         """Map everything that came and put the last touch to it; call it after the tasks have ended."""
@@ -129,8 +129,21 @@ class Station:
             self._map(observation)
         if self._pipeline.observations:
             self._pipeline.finish()
-            self._snapshot = self._pipeline.snapshot()
+            self._publish()
         return self._snapshot
+
+    def _publish(self) -> None:
+        """The map as it is now; where it cannot be drawn the last picture of it stays."""
+        try:
+            snapshot = self._pipeline.snapshot()
+        except MappingError as error:
+            if not self._drawing_fault:  # told when it begins
+                self._journal.add(Severity.ERROR, f"mapping: {error}; the last map stays")
+            self._drawing_fault = True
+            return
+        self._drawing_fault = False
+        self._snapshot = snapshot
+        self._map_files.tell(snapshot.tracking)
 
     def _step_planning(self) -> None:
         telemetry = self._telemetry.stamped()

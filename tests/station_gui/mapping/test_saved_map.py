@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import os
+import stat
 import struct
 import zlib
 from dataclasses import replace
@@ -190,3 +192,42 @@ def test_of_many_scans_at_one_place_the_oldest_go_first(saved: SavedMap) -> None
     many = replace(saved, nodes=np.zeros((3, 3)), keyframes=tuple(crowd))
     assert [keyframe.stamp_s for keyframe in thinned(many, 5).keyframes] == [8.0, 9.0, 10.0, 11.0, 12.0]
     assert thinned(many, 13) is many
+
+
+def test_points_farther_than_any_scanner_sees_are_left_out(saved: SavedMap) -> None:
+    far = replace(saved.keyframes[0], points_m=np.array([[400.0, 1.0], [0.5, 0.25], [1.0, -1e30]], np.float32))
+    far = replace(far, normals=np.zeros((3, 2), np.float32))
+    read = decode(encode(replace(saved, keyframes=(far, *saved.keyframes[1:]))))
+
+    np.testing.assert_allclose(read.keyframes[0].points_m, [[0.5, 0.25]], atol=1e-4)
+    np.testing.assert_allclose(read.keyframes[1].points_m, saved.keyframes[1].points_m, atol=1e-4)
+
+
+def test_a_map_without_a_point_is_none(saved: SavedMap) -> None:
+    empty = tuple(replace(k, points_m=k.points_m[:0], normals=k.normals[:0]) for k in saved.keyframes)
+    with pytest.raises(MapFileError, match="no map to save yet"):
+        encode(replace(saved, keyframes=empty))
+
+
+@pytest.mark.parametrize("stamp_s", [1e300, -1e300, float("nan")])
+def test_times_that_no_clock_shows_are_refused(saved: SavedMap, stamp_s: float) -> None:
+    odd = (replace(saved.keyframes[0], stamp_s=stamp_s), *saved.keyframes[1:])
+    with pytest.raises(MapFileError, match="times or lengths that cannot be"):
+        decode(encode(replace(saved, keyframes=odd)))
+
+
+def test_a_scanner_that_is_not_on_its_robot_is_refused(saved: SavedMap) -> None:
+    odd = (replace(saved.keyframes[0], scanner_m=np.array([90.0, 0.0])), *saved.keyframes[1:])
+    with pytest.raises(MapFileError, match="places that cannot be"):
+        decode(encode(replace(saved, keyframes=odd)))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="rights of files as POSIX has them")
+def test_a_saved_map_has_the_rights_that_the_users_files_have(saved: SavedMap, tmp_path: Path) -> None:
+    before = os.umask(0o027)
+    try:
+        write_map(saved, tmp_path / "lab.labmap")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "lab.labmap").stat().st_mode) == 0o640
+    assert [file.name for file in tmp_path.iterdir()] == ["lab.labmap"]

@@ -33,7 +33,9 @@ from shared.runtime.runner import LockstepRunner
 from station_gui.build import build_station
 from station_gui.comms.state import LinkState
 from station_gui.config import load_config
-from station_gui.mapping.snapshot import Tracking
+from station_gui.mapping.pipeline import MappingPipeline
+from station_gui.mapping.slam2d.base import MappingError
+from station_gui.mapping.snapshot import MapSnapshot, Tracking
 from station_gui.model.station import Station
 from tests.shared import samples
 
@@ -214,13 +216,63 @@ def test_an_observation_that_comes_twice_counts_once(scene: Scene) -> None:
     assert snapshot.observations == 3
 
 
-def test_a_robot_that_was_restarted_begins_a_new_map(scene: Scene) -> None:
-    with_map(scene, scans=15)
-    scene.send(dataclasses.replace(observation(0, Pose2()), boot_id=7))
+def restarted(scans: int = 3) -> list[Observation]:
+    """Of the robot after another start, at the place where its first one began."""
+    return [dataclasses.replace(observation(k, Pose2()), boot_id=7) for k in range(scans)]
+
+
+def test_a_robot_that_was_restarted_before_there_was_a_map_begins_one(scene: Scene) -> None:
+    with_map(scene, scans=2)
+    scene.send(*restarted())
     snapshot = scene.station.view().snapshot
     assert snapshot is not None
-    assert snapshot.observations == 1
+    assert snapshot.observations == 3
     assert "a new map begins" in scene.log()
+
+
+def test_a_robot_that_was_restarted_is_found_in_its_map(scene: Scene) -> None:
+    for k in range(40):
+        scene.send(observation(k, Pose2(0.04 * k, 0.0, 0.02 * k)))
+    assert scene.station.view().snapshot is not None
+    scene.send(*restarted())
+    assert "it has to be found in the map" in scene.log()
+    for k in range(3, 23):
+        scene.send(dataclasses.replace(observation(k, Pose2()), boot_id=7))
+    snapshot = scene.station.view().snapshot
+    assert snapshot is not None
+    assert snapshot.tracking is Tracking.LOCATED
+    assert snapshot.map_from_robot.distance_m(Pose2()) < 0.03
+
+
+def test_one_stray_observation_of_another_start_changes_nothing(scene: Scene) -> None:
+    with_map(scene)
+    scene.send(*restarted(scans=1))
+    scene.send(observation(12, Pose2(0.48, 0.0, 0.0)))
+    snapshot = scene.station.view().snapshot
+    assert snapshot is not None
+    assert snapshot.observations == 13
+    assert "another robot" not in scene.log()
+
+
+def test_a_map_that_cannot_be_drawn_is_told_once_and_mapping_goes_on(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with_map(scene)
+    before = scene.station.view().snapshot
+
+    def fail(self: MappingPipeline) -> MapSnapshot:
+        raise MappingError("the map would be too large")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(MappingPipeline, "snapshot", fail)
+        for k in range(12, 15):
+            scene.send(observation(k, Pose2(0.04 * k, 0.0, 0.0)))
+        assert scene.station.view().snapshot is before
+    scene.send(observation(15, Pose2(0.6, 0.0, 0.0)))
+    after = scene.station.view().snapshot
+    assert after is not None
+    assert after.observations == 16
+    assert scene.log().count("the map would be too large") == 1
 
 
 def test_one_stamp_from_the_future_does_not_wipe_the_map(scene: Scene) -> None:
@@ -373,7 +425,7 @@ def test_a_robot_that_starts_again_has_to_be_found_in_the_map_that_was_given(sce
     before = scene.station.view().snapshot
     assert before is not None
     assert before.located
-    scene.send(dataclasses.replace(observation(0, Pose2()), boot_id=7))
+    scene.send(*restarted())
     after = scene.station.view().snapshot
     assert after is not None
     assert after.tracking is Tracking.SEARCHING
