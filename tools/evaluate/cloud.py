@@ -23,14 +23,18 @@ _STILL_M, _STILL_RAD = 1e-4, 1e-4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cloud:
-    """`points_m`, `normals`: (N, 2), map frame, normals of length 1 towards the scanner; `scan`: (N,), which one."""
+    """`points_m`, `normals`: (N, 2), map frame, normals of length 1 towards the scanner; `scan`: (N,), which one.
+
+    `origins_m`: (N, 2), map frame, where the scanner was.
+    """
 
     points_m: FloatArray
     normals: FloatArray
     scan: NDArray[np.int64]
+    origins_m: FloatArray
 
     def __getitem__(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> Cloud:
-        return Cloud(self.points_m[chosen], self.normals[chosen], self.scan[chosen])
+        return Cloud(self.points_m[chosen], self.normals[chosen], self.scan[chosen], self.origins_m[chosen])
 
     def __len__(self) -> int:
         return len(self.points_m)
@@ -38,7 +42,7 @@ class Cloud:
 
 def cloud_of(scans: Sequence[PointScan], poses: FloatArray, max_range_m: float) -> Cloud:
     """`poses`: (len(scans), 3), map_from_robot. Points without enough neighbours to tell a direction are left out."""
-    points, normals, index = [], [], []
+    points, normals, index, origins = [], [], [], []
     for number, (scan, pose) in enumerate(zip(scans, poses, strict=True)):
         near = np.hypot(*(scan.points_m - scan.origin_m).T) <= max_range_m
         normal = line_normals(scan.points_m, scan.origin_m)
@@ -48,7 +52,8 @@ def cloud_of(scans: Sequence[PointScan], poses: FloatArray, max_range_m: float) 
         points.append(map_from_robot.apply(scan.points_m[good]))
         normals.append(turned.apply(normal[good]))
         index.append(np.full(int(good.sum()), number))
-    return Cloud(np.concatenate(points), np.concatenate(normals), np.concatenate(index))
+        origins.append(np.tile(map_from_robot.apply(scan.origin_m[None]), (int(good.sum()), 1)))
+    return Cloud(np.concatenate(points), np.concatenate(normals), np.concatenate(index), np.concatenate(origins))
 
 
 def line_normals(points_m: FloatArray, origin_m: FloatArray) -> FloatArray:

@@ -85,13 +85,64 @@ def test_two_walls_that_one_scan_sees_at_once_are_two_walls(rng: np.random.Gener
     y = np.where(np.arange(len(x)) % 2 == 0, 0.0, 0.15) + rng.normal(0.0, SIGMA_M, len(x))
     scan = np.repeat(np.arange(40), 100)
     normals = np.tile([0.0, 1.0], (len(x), 1))
-    assert find_walls(Cloud(np.column_stack((x, y)), normals, scan))[0].double_m == 0.0
+    points, origins = np.column_stack((x, y)), np.tile([1.0, 2.0], (len(x), 1))
+    assert find_walls(Cloud(points, normals, scan, origins))[0].double_m == 0.0
     by_turns = np.where(np.arange(len(x)) % 2 == 0, scan, scan + 40)
-    assert find_walls(Cloud(np.column_stack((x, y)), normals, by_turns))[0].double_m > 1.0
+    assert find_walls(Cloud(points, normals, by_turns, origins))[0].double_m > 1.0
+
+
+def wall_seen(
+    rng: np.random.Generator, scan: int, wall_from_scanned: Pose2, bow_m: float = 0.0, scanner_y_m: float = 2.0
+) -> Cloud:
+    """5 m of a wall along x that faces +y, by 40 scans, moved as a whole; `bow_m`: how far its middle stands out."""
+    x = rng.uniform(0.0, 5.0, 3000)
+    y = 4 * bow_m * (x / 5) * (1 - x / 5) + rng.normal(0.0, SIGMA_M, len(x))
+    slope = 4 * bow_m / 5 * (1 - 2 * x / 5)
+    normals = np.column_stack((-slope, np.ones(len(x)))) / np.hypot(slope, 1)[:, None]
+    number = rng.integers(0, 40, len(x))
+    origins = np.column_stack((0.5 + 0.1 * number, np.full(len(x), scanner_y_m)))
+    turn = Pose2(0.0, 0.0, wall_from_scanned.theta_rad)
+    return Cloud(
+        wall_from_scanned.apply(np.column_stack((x, y))), turn.apply(normals), scan + number,
+        wall_from_scanned.apply(origins),
+    )  # fmt: skip
+
+
+def both(one: Cloud, other: Cloud) -> Cloud:
+    return Cloud(
+        np.concatenate((one.points_m, other.points_m)), np.concatenate((one.normals, other.normals)),
+        np.concatenate((one.scan, other.scan)), np.concatenate((one.origins_m, other.origins_m)),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("apart_m", [0.1, 0.25, 0.32, 0.4, 0.6, 0.9])
+def test_a_wall_that_is_mapped_twice_is_double_however_far_its_copy(rng: np.random.Generator, apart_m: float) -> None:
+    walls = find_walls(both(wall_seen(rng, 0, Pose2()), wall_seen(rng, 100, Pose2(0.0, -apart_m, 0.0))))
+    assert sum(wall.double_m for wall in walls) == pytest.approx(5.0, abs=1.0)
+
+
+def test_a_wall_that_is_mapped_twice_is_double_when_its_copy_is_turned(rng: np.random.Generator) -> None:
+    turned = Pose2(0.0, -0.05, math.radians(-18.0))
+    walls = find_walls(both(wall_seen(rng, 0, Pose2()), wall_seen(rng, 100, turned)))
+    assert sum(wall.double_m for wall in walls) > 1.5
+
+
+def test_the_wall_of_an_aisle_behind_a_partition_is_a_wall_of_its_own(rng: np.random.Generator) -> None:
+    partition, wall = wall_seen(rng, 0, Pose2()), wall_seen(rng, 100, Pose2(0.0, -0.8, 0.0), scanner_y_m=0.4)
+    walls = find_walls(both(partition, wall))
+    assert len(walls) == 2
+    assert [found.double_m for found in walls] == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(("bow_m", "bend_m"), [(0.0, 0.0), (0.05, 0.033), (0.1, 0.067), (0.2, 0.133), (0.4, 0.267)])
+def test_a_bent_wall_is_followed_as_far_as_it_goes(rng: np.random.Generator, bow_m: float, bend_m: float) -> None:
+    """A parabola is farthest from its straight line at its ends, by two thirds of how far its middle stands out."""
+    walls = find_walls(wall_seen(rng, 0, Pose2(), bow_m))
+    assert max(wall.bend_m for wall in walls) == pytest.approx(bend_m, rel=0.15, abs=0.006)
 
 
 def test_no_point_gives_no_wall_and_figures_that_are_no_numbers() -> None:
-    empty = Cloud(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, np.int64))
+    empty = Cloud(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros((0, 2)))
     walls: list[Wall] = find_walls(empty)
     assert walls == []
     assert math.isnan(wall_figures(walls).wall_thickness_m)
