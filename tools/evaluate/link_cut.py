@@ -19,7 +19,7 @@ _CUTS_A_RIG = 25
 
 @dataclass(frozen=True, slots=True)
 class CutFigures:
-    """Observations and commands five times a second each.
+    """Commands five times a second, and observations too as long as the link has room.
 
     `failover_ms`: the longest delivery of an observation around each cut, from `send` to `receive`; `gap_ms_max` the
     longest time between two that came, their period of 200 ms included. `return_ms`: from the end of the cut until
@@ -64,7 +64,7 @@ class _Lane:
 class _Mission:
     def __init__(self, rig: FailoverRig, size: int, wifi_size: int) -> None:
         self.observations, self.commands = _Lane(), _Lane()
-        self.ends = False
+        self.ends = self._waits = False
         self._rig = rig
         self._sizes = size, wifi_size
         self._next_s = rig.clock.now_s()
@@ -78,17 +78,23 @@ class _Mission:
         now_s = self._rig.clock.now_s()
         if now_s >= self._next_s and not self.ends:
             self._next_s += _PERIOD_S
-            self._send(now_s)
+            self._command(now_s)
+            self._waits = True
+        if self._waits and not self.ends and self._rig.robot.has_room:  # as the uplink does: the newest, when it can
+            self._waits = False
+            self._observe(now_s)
         while (datagram := self._rig.station.receive(0.0)) is not None:
             self.observations.take(datagram, now_s)
         while (datagram := self._rig.robot.receive(0.0)) is not None:
             self.commands.take(datagram, now_s)
 
-    def _send(self, now_s: float) -> None:
+    def _observe(self, now_s: float) -> None:
         number = len(self.observations.sent_s).to_bytes(4, "little")
         size, wifi_size = self._sizes
         if self._rig.robot.send(number + bytes(wifi_size - 4), for_radio=lambda: number + bytes(size - 4)):
             self.observations.sent_s.append(now_s)
+
+    def _command(self, now_s: float) -> None:
         if self._rig.station.send(len(self.commands.sent_s).to_bytes(4, "little") + bytes(14), Lane.COMMAND):
             self.commands.sent_s.append(now_s)
 

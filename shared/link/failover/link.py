@@ -200,8 +200,9 @@ class Failover:
     def _change(self, path: Path, reason: str, now_s: float) -> None:
         self.path = path
         self.statistics.changes += 1
-        for lane in self._out.values():
-            lane.forget_path(path)
+        if path is Path.WIFI:  # what it had may have died with it; LoRa keeps what it was given
+            for lane in self._out.values():
+                lane.forget_path(path)
         text = f"Wi-Fi: {reason}; using {path.value}"
         _log.info("%s", text)
         self.events.append(PathChanged(now_s, path, text))

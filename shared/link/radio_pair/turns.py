@@ -127,8 +127,9 @@ class AskingTurns:
         return max(due_s, self._next_turn_s()) if radio == self._turn_radio else math.inf
 
     def _lead_s(self) -> float:
-        """A packet is handed over while another is on its way: by so much it leaves later."""
-        return self._timing.slot_s if self._conversation.lanes.has_something else 0.0
+        """A packet is handed over while another is on its way and leaves a slot later, the next one two: the turn
+        goes with whichever is nearer to its time."""
+        return 1.5 * self._timing.slot_s if self._conversation.lanes.has_something else 0.0
 
     def _next_turn_s(self) -> float:
         lanes, config = self._conversation.lanes, self._config

@@ -13,7 +13,7 @@ from tools.simulator.radio.loss import Independent, LossModel
 from tools.simulator.radio.pair_rig import PairRig
 from tools.simulator.wifi import CuttableWifi
 
-HOT = PairConfig(turn_s=0.25, idle_turn_s=0.15)  # a command shall not wait long for its turn when Wi-Fi has just gone
+HOT = PairConfig(turn_s=0.18, idle_turn_s=0.15)  # a command shall not wait long for its turn when Wi-Fi has just gone
 
 
 class FailoverRig:
