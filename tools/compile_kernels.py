@@ -12,6 +12,7 @@ import numpy as np
 
 from robot_app.config import load_config as load_robot
 from shared.geometry.se2 import Pose2
+from shared.protocol.compact.warm_up import warm_up
 from station_gui.config import load_config as load_station
 from station_gui.mapping.snapshot import GridMap
 from station_gui.planning.path_planner import PathPlanner
@@ -26,6 +27,7 @@ def main() -> int:
     print("compiling kernels (half a minute or so, once) ...", flush=True)
     logging.disable(logging.WARNING)
     began_s = time.monotonic()
+    warm_up()
     station = load_station(None)
     system = Lockstep(find_scenario("lab"), 1, load_robot(None), station)
     system.station.connect("loopback", 0)

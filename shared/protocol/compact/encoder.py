@@ -203,9 +203,11 @@ class Encoder:
 
         Raises `ValueError` for an observation that this profile cannot carry.
         """
+        pose = observation.odom_from_robot
+        numbers = (observation.stamp_s, *pose.as_array(), observation.speed_mps, observation.yaw_rate_radps)
+        if len(observation.ranges_m) > MOST_BEAMS or not all(map(math.isfinite, numbers)):
+            raise ValueError(f"{len(observation.ranges_m)} beams at {observation.stamp_s} s and {pose}")
         sending = _Sending.of(observation)
-        if len(sending.ranges_mm) > MOST_BEAMS or not math.isfinite(observation.stamp_s):
-            raise ValueError(f"{len(sending.ranges_mm)} beams at {observation.stamp_s} s")
         encoded, state = self._attempt(sending, 0)
         for level in range(1, len(DETAILS)):
             if max_bytes is None or len(encoded.datagram) <= max_bytes:

@@ -103,7 +103,7 @@ def _code_head(coding: Coding, state: State, choice: Choice | None) -> Sweep:
     earlier, last = state.intervals_ms
     at_ms = state.stamp_ms + earlier
     stamp_ms = at_ms + coding.number(choice.stamp_ms - at_ms if choice else 0, _STAMP, 38)
-    if not 0 <= sequence < 1 << 32 or not abs(stamp_ms) < 1 << 42:
+    if not 0 <= sequence < 1 << 32 or not abs(stamp_ms) < 1 << 36:
         raise Unfit("a number of none")
     state.intervals_ms = (last, min(10_000, max(0, stamp_ms - state.stamp_ms)))
     state.sequence, state.stamp_ms = sequence, stamp_ms
@@ -138,7 +138,7 @@ def _code_pose(coding: Coding, state: State, choice: Choice | None) -> None:
     speed, turn_rate = state.speed, state.turn_rate
     state.speed += coding.number(choice.speed - speed if choice else 0, _SPEED, 13)
     state.turn_rate += coding.number(choice.turn_rate - turn_rate if choice else 0, _TURN_RATE, 13)
-    if abs(state.speed) > 4_000 or abs(state.turn_rate) > 16_000:
+    if abs(state.speed) > 4_000 or abs(state.turn_rate) > 4_000:
         raise Unfit("a speed of none")
     x, y, heading = _ahead(state, speed + state.speed, turn_rate + state.turn_rate)
     moving = min(3, abs(state.speed) // 8)

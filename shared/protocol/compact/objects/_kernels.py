@@ -13,6 +13,8 @@ from numba import njit
 from shared.protocol.compact.casting._kernels import bearing
 from shared.protocol.compact.mixing._kernels import CONTEXT, Bytes, Ints, Refined, Slots, Weights, mixed, number, slot
 
+_GRID_BITS = 27
+
 
 @njit(nogil=True, cache=True)
 def _outlook(place: Ints, pose: Ints, atans: Ints) -> int:
@@ -167,11 +169,11 @@ def code_network(
             z = places[members[parent], 2] // step
         kind = 16 if parent < 0 else 20
         flat = 1 if z == 0 else 0
-        dz = number(coder, data, fresh[n, 3] - z, kind + 2, flat, 0, 10, slots, weights, refined, tables)
+        dz = number(coder, data, fresh[n, 3] - z, kind + 2, flat, 0, _GRID_BITS, slots, weights, refined, tables)
         up = 0 if dz == 0 else 1
-        dx = number(coder, data, fresh[n, 1] - x, kind, up, flat, 11, slots, weights, refined, tables)
+        dx = number(coder, data, fresh[n, 1] - x, kind, up, flat, _GRID_BITS, slots, weights, refined, tables)
         near = min(3, abs(dx))
-        dy = number(coder, data, fresh[n, 2] - y, kind + 1, up, near, 11, slots, weights, refined, tables)
+        dy = number(coder, data, fresh[n, 2] - y, kind + 1, up, near, _GRID_BITS, slots, weights, refined, tables)
         at = _oldest(used, now)
         for e in range(edges.shape[0]):
             if edges[e, 0] == at or edges[e, 1] == at:

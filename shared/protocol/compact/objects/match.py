@@ -15,7 +15,7 @@ IntArray = NDArray[np.int64]
 
 _NEAR_MM = 19.9  # a node this near to a stored one is sent as that one
 _NEW_TO_LAST_MM = 8.0  # by how much nearer a node must be that the last network did not have
-_HIGHEST_MM = 8_000
+_FURTHEST = (1 << 30) // STEP_MM
 
 
 def choose(network: ObjectNetwork, state: State, most_new: int) -> tuple[NetworkChoice, bool]:
@@ -80,7 +80,7 @@ def _grow(
 ) -> tuple[list[tuple[int, int, int, int]], dict[int, int]]:
     """New nodes along the edges from what is known, then from a first node of each object; and all their places."""
     grid = np.round(places_mm / STEP_MM).astype(np.int64)
-    grid = np.clip(grid, -(1 << 30) // STEP_MM, (1 << 30) // STEP_MM)
+    grid = np.clip(grid, -_FURTHEST, _FURTHEST)
     fresh: list[tuple[int, int, int, int]] = []
     index = dict(index)
     waiting = deque((b, a) for a in sorted(index, key=lambda n: index[n]) for b in neighbours[a])

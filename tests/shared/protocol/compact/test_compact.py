@@ -11,6 +11,7 @@ from shared.messages import ObjectNetwork, Observation, ScanGeometry
 from shared.protocol.codec import encode as encode_full
 from shared.protocol.compact.decoder import Decoder
 from shared.protocol.compact.encoder import Encoder
+from shared.protocol.compact.warm_up import warm_up
 from tests.shared import samples
 from tests.shared.protocol.compact.room_drive import drive
 
@@ -128,10 +129,25 @@ def test_a_budget_is_met_and_what_was_left_out_follows(rng: np.random.Generator)
     assert_near(observation, got)
 
 
+def test_far_and_high_nodes_come_through(rng: np.random.Generator) -> None:
+    nodes = np.array([(0.0, 0.0, 0.0), (900.0, -700.0, 30.0), (1.0, 1.0, -20.0)], np.float32)
+    observation = replace(drive(1, rng)[0], objects=ObjectNetwork(nodes, np.array([(0, 1), (1, 2)], np.uint16)))
+    got = Decoder().decode(Encoder().encode(observation).datagram)
+    assert got is not None
+    assert_same_network(observation.objects, got.objects)
+
+
+def test_warming_up_leaves_nothing_behind() -> None:
+    warm_up()
+    assert Encoder().newest is None
+
+
 def test_what_the_profile_cannot_carry_is_refused(rng: np.random.Generator) -> None:
     observation = drive(1, rng)[0]
     for bad in (
         replace(observation, stamp_s=math.nan),
+        replace(observation, odom_from_robot=Pose2(math.inf, 0.0, 0.0)),
+        replace(observation, speed_mps=1e6),
         replace(observation, ranges_m=np.ones(5000, np.float32)),
         replace(observation, geometry=replace(observation.geometry, step_rad=-0.01)),
     ):
