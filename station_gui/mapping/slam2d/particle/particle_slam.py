@@ -32,7 +32,7 @@ from station_gui.mapping.slam2d.particle.closing.path_bender import Bent
 from station_gui.mapping.slam2d.particle.config import ParticleSlamConfig
 from station_gui.mapping.slam2d.particle.proposal.proposer import Proposer
 from station_gui.mapping.slam2d.particle.resampling import effective_number, normalised, systematic
-from station_gui.mapping.slam2d.particle.stored import steps_of, to_saved
+from station_gui.mapping.slam2d.particle.stored import Break, Joints, steps_of, to_saved
 from station_gui.mapping.slam2d.rehearsal import rehearse
 from station_gui.mapping.slam2d.se2_arrays import between, compose, compose_all
 from station_gui.mapping.snapshot import GridMap
@@ -67,6 +67,8 @@ class ParticleSlam:
         self._admits: Admits = admit_all
         self._revision = 0
         self._in_map: list[bool] = []  # of each step, whether its scan is
+        self._given: SavedMap | None = None
+        self._breaks: dict[int, Break] = {}
         self._path_end = -1
         self._path = np.zeros((0, 3))  # to that end
         self._grid = OccupancyGrid(config.grid)
@@ -94,16 +96,18 @@ class ParticleSlam:
         self._poses[:] = poses[-1]
         self._in_map = [True] * len(self._steps)
         self._closer.course.begin_given()
+        self._given = saved
 
     def saved(self) -> SavedMap:
         """The map of the best particle."""
-        return to_saved(self._steps, self._step_poses())
+        return to_saved(self._steps, self._step_poses(), Joints(self._given, self._breaks, self._closer.course))
 
     def resume(self, scan: PointScan, map_from_robot: Pose2) -> Pose2:
         """As `add`, for a robot that somebody else has found to be at this place of the map."""
         lines = self._lines(scan)
         self._poses[:] = map_from_robot.as_array()
         self._lost_scans = 0
+        self._breaks[len(self._steps)] = "found"
         self._record(scan, lines, np.ones(len(self._poses), bool), np.eye(3))
         return self._added(scan)
 
@@ -279,6 +283,8 @@ class ParticleSlam:
         self._path_end = -1
         patient = self._lost_scans <= self._config.update.patience_scans
         in_map = matched | (not patient)
+        if not patient:
+            self._breaks[len(self._steps)] = "lost"
         self._closer.add_step(self._way(), information)
         age = self._closer.course.nodes - 1
         for particle in np.flatnonzero(in_map).tolist():

@@ -96,6 +96,10 @@ class Course:
         """(steps,): the node that each step belongs to."""
         return np.searchsorted(self.first_steps, np.arange(steps), side="right") - 1
 
+    def information_to(self, node: int) -> FloatArray:
+        """(3, 3): of the edge from the node before, in whose frame it is."""
+        return self._information[node]
+
     def distances_m(self, node: int, limit_m: float = np.inf, extra: tuple[Closure, ...] = ()) -> FloatArray:
         """(nodes,): the shortest way from `node` along the path and its closures; infinite beyond `limit_m`."""
         chain = np.arange(self.nodes - 1)
