@@ -21,6 +21,7 @@ from robot_app.run import run_robot, stop_on_signals
 from robot_app.service import ServiceManager
 from robot_app.uplink import BUSY
 from shared.command_line import EXIT_FAILED, EXIT_OK, Parser, port_number, run, set_up_logging
+from shared.link.pairing import read_pairing
 from shared.link.tcp import TcpServerLink
 from shared.runtime.clock import MonotonicClock
 
@@ -58,8 +59,9 @@ def _check(config: RobotConfig) -> int:
 def _drive(config: RobotConfig, args: argparse.Namespace) -> int:
     stop, clock = stop_on_signals(), MonotonicClock()
     bind = config.link.bind if args.bind is None else args.bind
+    pairing = read_pairing(Path(config.link.pairing).expanduser()) if config.link.pairing else None
     with ExitStack() as opened:
-        link = TcpServerLink(bind, config.link.port if args.port is None else args.port, clock, BUSY)
+        link = TcpServerLink(bind, config.link.port if args.port is None else args.port, clock, BUSY, pairing)
         opened.callback(link.close)
         hardware = open_hardware(config.devices, config.car, clock)
         opened.callback(hardware.close)

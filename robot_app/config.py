@@ -28,6 +28,7 @@ DEFAULT_PATH = Path(__file__).with_name("robot.toml")
 class LinkConfig:
     port: int = 47100
     bind: str = "0.0.0.0"  # noqa: S104 - the robot is reached from the lab's network
+    pairing: str = ""  # the pairing file; empty lets anybody in
 
     def __post_init__(self) -> None:
         if not 0 <= self.port <= 65_535:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from shared.link.base import Link
+from shared.link.pairing import read_pairing
 from shared.link.tcp import TcpClientLink
 from shared.runtime.clock import Clock, wall_clock_name
 from station_gui.config import StationConfig
@@ -50,7 +51,7 @@ def build_station(
     return Station(
         config.session,
         clock,
-        make_link or partial(_connect_tcp, timeout_s=config.session.connect_timeout_s),
+        make_link or partial(_connect_tcp, timeout_s=config.session.connect_timeout_s, pairing_file=config.pairing),
         partial(build_pipeline, config),
         config.car,
         PathPlanner(config.car, config.planner),
@@ -59,8 +60,9 @@ def build_station(
     )
 
 
-def _connect_tcp(host: str, port: int, timeout_s: float) -> Link:
-    return TcpClientLink(host, port, timeout_s)
+def _connect_tcp(host: str, port: int, timeout_s: float, pairing_file: str) -> Link:
+    pairing = read_pairing(Path(pairing_file).expanduser()) if pairing_file else None
+    return TcpClientLink(host, port, timeout_s, pairing)
 
 
 def _name_recording(folder: str) -> Path | None:

@@ -28,6 +28,7 @@ class RecordingConfig:
 class StationConfig:
     car: CarGeometry
     method: Literal["graph", "particle"] = "graph"  # of 2D SLAM
+    pairing: str = ""  # file of `radio-config key new`, the same on the robot; empty speaks with any robot
     session: SessionConfig = field(default_factory=SessionConfig)
     slam: GraphSlamConfig = field(default_factory=GraphSlamConfig)
     particle_slam: ParticleSlamConfig = field(default_factory=ParticleSlamConfig)
