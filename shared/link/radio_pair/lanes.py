@@ -303,6 +303,9 @@ class Lanes:
         return []
 
     def _take_now(self, item: i.Now) -> None:
+        if len(self.delivered) >= 2 * _MOST_DELIVERED:
+            self.statistics.turned_away += 1
+            return
         if item.identifier not in self._now_to_confirm:
             self._now_to_confirm.append(item.identifier)
         if item.identifier in self._now_seen:

