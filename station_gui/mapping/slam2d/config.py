@@ -51,7 +51,6 @@ class MatchConfig:
     lost_share: float = 0.6  # below this the odometry is believed,
     far_share: float = 0.9  # and below this when the match is as far as
     far_sigmas: float = 5.0  # from it: a robot that was carried off fits somewhere near by chance
-    regained_share: float = 0.6  # and once lost a scan must fit this well to be found again
     patience_scans: int = 20  # lost for longer than this a new piece of map begins
     noise_m: float = 0.03  # of one residual, beams of one wall being correlated
     odometry_shift_m: float = 0.03  # prior: fixed part and part of the way
@@ -105,6 +104,7 @@ class LoopConfig:
     overlap_m: float = 3.0  # nodes this far apart still see the same
     neighbours: int = 3  # nodes on each side that make the place's map
     query_neighbours: int = 1
+    query_every: int = 3  # of their scans
     max_query_points: int = 300
     min_query_points: int = 30
     max_candidates: int = 2  # per new node
@@ -124,8 +124,10 @@ class LoopConfig:
     max_place_surfels: int = 20_000
     units_per_step: int = 8_000  # a unit is about 15 ns
     weak_share: float = 0.05  # a direction that so few of the points hold is hardly known
+    closure_length_m: float = 0.5  # the way that the drift over a closure is worth
     agreement_m: float = 0.3  # of two far closures that confirm each other
     agreement_rad: float = math.radians(3.0)
+    agreement_nodes: int = 15  # they are no farther apart than this
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +141,8 @@ class PoseGraphConfig:
     lost_turn_sigma_rad: float = math.radians(10.0)
     found_shift_sigma_m: float = 0.03  # of an edge to a place where a lost robot was found
     found_turn_sigma_rad: float = math.radians(1.0)
-    switch_chi2: float = 12.0  # a closure whose error is above this loses weight (dynamic covariance scaling)
+    switch_chi2: float = 12.0  # a closure whose error is above this loses weight (dynamic covariance scaling);
+    switch_shrink: float = 0.2  # at first the worst new one keeps it, then by this factor fewer do each time
     iterations: int = 12
     blocks_per_step: int = 10_000  # products of 3 × 3 blocks, or as much work: about 0.2 ms
     optimise_chi2: float = 4.0  # a closure that the graph agrees with better is not worth an optimisation now

@@ -127,7 +127,7 @@ class GraphSlam:
         self._graph.add_edge(near, self._node, measured, information, max(float(away_m[near]), 0.1), robust=False)
         self._renew_window()
         match = self._matcher.refine(lines, self._local.current, self._pose)
-        if match.share >= self._config.match.regained_share and np.isfinite(match.pose).all():
+        if match.share >= self._config.match.lost_share and np.isfinite(match.pose).all():
             self._pose = match.pose
         self._lost_scans = 0
         self._add_keyframe(scan, lines)
@@ -270,11 +270,10 @@ class GraphSlam:
         return match
 
     def _needed_share(self, away_sigmas: float) -> float:
-        """Of points that fit, for a match to be believed: more once the robot is lost, where chance fits abound."""
+        """Of points that fit, for a match to be believed: more where it is far from the prediction."""
         config = self._config.match
-        least = config.regained_share if self._lost_scans else config.lost_share
         far_sigmas = config.far_sigmas * (1 + self._lost_scans)  # the prediction is the older the longer it is lost
-        return least + min(1.0, away_sigmas / far_sigmas) * (config.far_share - least)
+        return config.lost_share + min(1.0, away_sigmas / far_sigmas) * (config.far_share - config.lost_share)
 
     def _count_way(self, before: NDArray[np.float64]) -> None:
         step = between(before, self._pose)

@@ -175,7 +175,7 @@ class LoopCloser:
         reach = self._config.query_neighbours
         for k in range(max(0, node - reach), min(len(by_node), node + reach + 1)):
             node_from_k = between(graph.poses[node], graph.poses[k])
-            for keyframe in by_node[k][::3]:
+            for keyframe in by_node[k][:: self._config.query_every]:
                 x, y, theta = compose(node_from_k, keyframe.in_node)
                 c, s = math.cos(theta), math.sin(theta)
                 turn = np.array([[c, s], [-s, c]])

@@ -72,7 +72,7 @@ class Optimiser:
             yield from self._gauss_newton(edges, trial, switch_chi2, change)
             if self.failed or (switch_chi2 <= config.switch_chi2 and change[0] < 1e-4):
                 return
-            switch_chi2 = max(config.switch_chi2, 0.2 * switch_chi2)
+            switch_chi2 = max(config.switch_chi2, config.switch_shrink * switch_chi2)
 
     def _gauss_newton(
         self, edges: Edges, trial: NDArray[np.float64], switch_chi2: float, change: NDArray[np.float64]

@@ -114,7 +114,7 @@ class GraphUpkeep:
 
     def _agree(self, a: Closure, b: Closure) -> bool:
         """Both closures move the new place in the same way."""
-        if abs(a.new - b.new) > 15:
+        if abs(a.new - b.new) > self._loops.agreement_nodes:
             return False
         poses = self._graph.poses
         from_a = compose(poses[a.old], a.measured)
@@ -130,7 +130,8 @@ class GraphUpkeep:
         for closure in closures:
             held = without_weak_direction(closure.information, self._loops.weak_share)
             information = edge_information(held, 0.0, config.shift_sigma_m, config.turn_sigma_rad)
-            self._graph.add_edge(closure.old, closure.new, closure.measured, information, 0.5, robust=True)
+            length_m = self._loops.closure_length_m
+            self._graph.add_edge(closure.old, closure.new, closure.measured, information, length_m, robust=True)
             self._closed.append((closure.old, closure.new))
         if float(self._graph.last_chi2(len(closures)).max()) > config.optimise_chi2:
             self._bent = True

@@ -65,7 +65,7 @@ class MapTracker:
         while not self._window.step():
             pass
         match = self._matcher.refine(lines, self._window.current, self._pose)
-        if match.share >= self._config.match.regained_share and np.isfinite(match.pose).all():
+        if match.share >= self._config.match.lost_share and np.isfinite(match.pose).all():
             self._pose = match.pose
         self._lost_scans = 0
         return self._added(scan)
@@ -93,13 +93,14 @@ class MapTracker:
         turn_rad = config.odometry_turn_rad + config.odometry_turn_ratio * abs(float(motion[2]))
         sigma = np.array([shift_m, shift_m, turn_rad])
         match = self._matcher.match(lines, self._window.current, predicted, 1.0 / np.square(sigma))
-        self._fit = match.share
+        self._fit = 0.0
         away = self._surprise = float(np.abs(between(predicted, match.pose) / sigma).max())
-        least = config.regained_share if self._lost_scans else config.lost_share
+        least = config.lost_share
         needed = least + min(1.0, away / (config.far_sigmas * (1 + self._lost_scans))) * (config.far_share - least)
         if not np.isfinite(match.pose).all() or match.share < needed:
             return False
         self._pose = match.pose
+        self._fit = match.share
         return True
 
     def _lines(self, scan: PointScan) -> LineScan:

@@ -30,8 +30,9 @@ from station_gui.mapping.slam2d.particle.closing.loop_closer import LoopCloser
 from station_gui.mapping.slam2d.particle.closing.loop_finder import Way
 from station_gui.mapping.slam2d.particle.closing.path_bender import Bent
 from station_gui.mapping.slam2d.particle.config import ParticleSlamConfig
+from station_gui.mapping.slam2d.particle.proposal.deviates import Deviates
 from station_gui.mapping.slam2d.particle.proposal.proposer import Proposer
-from station_gui.mapping.slam2d.particle.resampling import effective_number, normalised, systematic
+from station_gui.mapping.slam2d.particle.resampling import Weights
 from station_gui.mapping.slam2d.particle.stored import Break, Joints, steps_of, to_saved
 from station_gui.mapping.slam2d.rehearsal import rehearse
 from station_gui.mapping.slam2d.se2_arrays import between, compose, compose_all
@@ -53,8 +54,9 @@ class ParticleSlam:
         self._ancestry = Ancestry()
         self._ends = np.full(config.particles, -1, np.int64)  # the particles' newest nodes
         self._poses = np.zeros((config.particles, 3))  # at the last step
-        self._log_weights = np.zeros(config.particles)  # since the last resampling
-        self._log_evidence = np.zeros(config.particles)  # of the whole path
+        update = config.update
+        self._weights = Weights(config.particles, update.independent_share, update.resample_share)
+        self._deviates = Deviates(config.particles, config.proposal.alike_m)
         self._best = 0
         self._scans = Placed()
         self._steps: list[Keyframe] = []
@@ -114,6 +116,16 @@ class ParticleSlam:
     def join(self, scan: PointScan, map_from_robot: Pose2, first: int) -> Pose2:
         """The piece stays where it is: the robot goes on in the old part."""
         return self.resume(scan, map_from_robot)
+
+    @property
+    def resamplings(self) -> int:
+        """How often particles have died out in favour of likelier ones."""
+        return self._weights.resamplings
+
+    @property
+    def effective_share(self) -> float:
+        """Mean of the particles' effective number, as a share of all (Grisetti et al. 2007, eq. 20)."""
+        return self._weights.effective_share
 
     @property
     def lost_scans(self) -> int:
@@ -215,12 +227,13 @@ class ParticleSlam:
         sigma = self._proposer.odometry_sigma(motion)
         expected = compose(base, predicted)
         match = self._proposer.track(self._best, lines, expected, sigma)
-        self._fit = match.share
+        self._fit = 0.0
         away = between(expected, match.pose) / sigma
         self._surprise = float(np.abs(away).max())
         if not self._proposer.believes(match, expected, sigma):
             return False
         self._rel = between(base, match.pose)
+        self._fit = match.share
         return True
 
     def _gone_far(self) -> bool:
@@ -231,16 +244,13 @@ class ParticleSlam:
     def _step(self, scan: PointScan, lines: LineScan) -> None:
         """Algorithm 1: propose, weigh, resample, extend the maps."""
         log_factors, matched, information = self._propose(lines)
-        gained = self._config.update.weight_gain * (log_factors - log_factors.max())
-        self._log_weights += gained
-        self._log_evidence += gained
-        weights = normalised(self._log_weights)
+        wanting = self._weights.weigh(log_factors)
         best_before = int(self._ends[self._best])
-        wanting = effective_number(weights) < self._config.update.resample_share * len(weights)
         if wanting or self._maps.crowded:
-            parents = self._resample(weights)
+            parents = self._weights.parents(float(self._rng.random()))
+            self._take_over(parents)
             matched, information = matched[parents], information[parents]
-        self._best = int(np.argmax(self._log_evidence))
+        self._best = self._weights.best()
         if int(self._ends[self._best]) != best_before:
             self._revision += 1
         self._record(scan, lines, matched, information[self._best])
@@ -251,7 +261,7 @@ class ParticleSlam:
         The particles move.
         """
         sigma = self._proposer.odometry_sigma(self._odometry_rel)
-        deviates = self._rng.standard_normal(self._poses.shape)
+        deviates = self._deviates.draw(self._rng, self._rel)
         log_factors = np.zeros(len(self._poses))
         matched = np.zeros(len(self._poses), bool)
         information = np.zeros((len(self._poses), 3, 3))
@@ -264,18 +274,13 @@ class ParticleSlam:
             information[particle] = proposed.information
         return log_factors, matched, information
 
-    def _resample(self, weights: FloatArray) -> NDArray[np.int64]:
-        parents = systematic(weights, float(self._rng.random()))
-        self._take_over(parents)
-        self._log_weights = np.zeros(len(parents))
-        return parents
-
     def _take_over(self, parents: NDArray[np.int64]) -> None:
         """Particle i becomes a copy of `parents[i]`."""
         self._maps.adopt(parents)
         self._poses = self._poses[parents]
         self._ends = self._ends[parents]
-        self._log_evidence = self._log_evidence[parents]
+        self._weights.adopt(parents)
+        self._deviates.adopt(parents)
 
     def _record(self, scan: PointScan, lines: LineScan, matched: NDArray[np.bool_], information: FloatArray) -> None:
         """A new node for every particle; a scan that does not fit stays out of the map for a while."""
@@ -310,7 +315,7 @@ class ParticleSlam:
         if not heirs.any():
             self._closer.failed(bent)
             return
-        self._best = int(np.argmax(np.where(heirs, self._log_evidence, -np.inf)))
+        self._best = self._weights.best(heirs)
         corrections = bent.of_steps(self._closer.course.node_of_steps(steps))
         self._ancestry.bend(corrections)
         self._poses = compose_all(np.tile(corrections[-1], (len(self._poses), 1)), self._poses)
@@ -318,7 +323,6 @@ class ParticleSlam:
         late = self._draw_bent(bent)
         parents = np.where(late, np.arange(len(late)), self._best)
         self._take_over(parents)
-        self._log_weights = self._log_weights[parents]
         self._revision += 1
 
     def _draw_bent(self, bent: Bent) -> NDArray[np.bool_]:

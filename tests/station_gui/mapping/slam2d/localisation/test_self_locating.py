@@ -310,3 +310,18 @@ def test_a_box_that_was_moved_leaves_the_robot_where_it_is(
             seen = slam.add(scan_from(walls, pose, np.random.default_rng(k), _SOMEWHERE @ pose, 0.1 * k))
             assert slam.tracking is Tracking.LOCATED
             assert seen.distance_m(pose) < 0.05
+
+
+@pytest.mark.parametrize("make", [_graph, _particles, _tracker])
+def test_a_match_that_is_not_believed_is_no_fit(
+    make: Callable[[], StoredSlam], lab: FloatArray, lab_map: SavedMap, lap: LapMaker, scan_from: ScanMaker
+) -> None:
+    slam, way, rng = make(), lap(80), np.random.default_rng(3)
+    slam.load(lab_map)
+    slam.resume(scan_from(lab, way[20], rng), way[20])
+    slam.add(scan_from(lab, way[21], rng))
+    assert slam.fit > 0.8
+    slam.add(PointScan(0.2, way[22], np.zeros(2), rng.uniform(-0.3, 0.3, (200, 2))))
+    assert slam.fit == 0.0
+    slam.add(scan_from(lab, way[23], rng))
+    assert slam.fit > 0.8
