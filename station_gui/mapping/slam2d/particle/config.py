@@ -20,7 +20,7 @@ class UpdateConfig:
 
     distance_m: float = 0.1
     turn_rad: float = math.radians(11.5)
-    weight_gain: float = 0.0005  # beams and steps are not independent: flattens the weights (Grisetti 2007, section V)
+    independent_share: float = 0.01  # of the beams: see the module
     resample_share: float = 0.5  # of the particles: resampled when the effective number is below (eq. 20)
     patience_scans: int = 20  # lost for longer than this the map is continued all the same
 

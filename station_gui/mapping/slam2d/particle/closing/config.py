@@ -26,7 +26,7 @@ class SearchConfig:
     query_stride: int = 3  # of the query's scans
     max_query_points: int = 300
     min_query_points: int = 30
-    max_candidates: int = 2  # per new node
+    max_candidates: int = 2  # per new node; 0: no loop is looked for
     max_waiting: int = 200
     min_score: float = 0.55  # mean likelihood of branch and bound
     min_inlier_share: float = 0.7

@@ -72,6 +72,8 @@ class LoopFinder:
     def look_from(self, way: Way, new: int) -> None:
         """Older nodes that `new` may see, nearest first, none next to another, will be looked at."""
         config = self._config
+        if config.max_candidates == 0:
+            return
         nodes = np.arange(way.course.nodes)
         poses = way.node_poses()
         way_m = way.course.distances_m(new)

@@ -32,7 +32,8 @@ class ProposalConfig:
     lost_share: float = 0.3  # below this the odometry is believed in any case
     far_sigmas: float = 5.0  # of the odometry: a match that is so far off has to be beyond doubt, a nearer one less
     noise_m: float = 0.015  # of one residual, beams of one wall being correlated
-    spread: float = 0.6  # of what is drawn, against the standard deviation: a wildly drawn map drifts
+    spread: float = 1.0  # of what is drawn, against the standard deviation
+    alike_m: float = 3.0  # what is drawn stays alike over this way, as far as a scan sees: see `Deviates`
     sample_spacing: float = 1.7  # standard deviations of the match between the 27 samples
     odometry_shift_m: float = 0.03  # prior: fixed part and part of the way
     odometry_shift_ratio: float = 0.2
