@@ -53,7 +53,7 @@ class Tally:
     node_error_m: float = 0.0
     lost_beams: int = 0
     lost_nodes: int = 0
-    others: dict[str, list[int]] = field(default_factory=lambda: {name: [] for name in PACKINGS})
+    others: dict[str, list[int]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="acknowledge: N observations until it is back (default: link in order)",
     )
     parser.add_argument("--budget", type=int, metavar="BYTES", help="that an observation may take")
-    parser.add_argument("--packings", action="store_true", help="measure the other packings too")
     parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
 
 
@@ -92,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
     reports: dict[str, dict[str, float]] = {}
     status = EXIT_OK
     for name, observations in _sources(args):
-        tally = measure(observations, channel, args.packings, np.random.default_rng(args.seed))
+        tally = measure(observations, channel, np.random.default_rng(args.seed))
         reports[name] = figures(tally)
         for key, value in reports[name].items():
             print(f"{name:12} {key:28} {value}")
@@ -153,7 +152,7 @@ def thinned(observation: Observation) -> Observation:
     )
 
 
-def measure(observations: list[Observation], channel: Channel, packings: bool, rng: np.random.Generator) -> Tally:
+def measure(observations: list[Observation], channel: Channel, rng: np.random.Generator) -> Tally:
     """All observations through encoder, channel and decoder."""
     tally = Tally()
     encoder, decoder = Encoder(in_order=channel.delay == 0), Decoder()
@@ -181,9 +180,8 @@ def measure(observations: list[Observation], channel: Channel, packings: bool, r
             answers.append(decoder.feedback())
             if len(answers) >= channel.delay:
                 encoder.acknowledge(answers.popleft())
-        if packings:
-            for name, size in PACKINGS.items():
-                tally.others[name].append(size(observation))
+    for name, size in PACKINGS.items():
+        tally.others[name] = [size(observation) for observation in observations]
     return tally
 
 
