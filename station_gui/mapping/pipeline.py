@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from shared.geometry.se2 import Pose2
 from shared.messages import Observation
@@ -21,6 +21,15 @@ _FARTHEST_M = 10_000.0  # no robot of ours drives so far: whoever says so is not
 _HEARD_OF_ANOTHER = 3  # observations in a row of another start, for a single one may be a stray
 _WORTH_KEEPING = 10  # keyframes: in a smaller map nobody can be found again
 _BETWEEN_SESSIONS_S = 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OpenedMap:
+    """Ready to be gone on with."""
+
+    slam: SessionSlam
+    given: SavedMap
+    fixed: bool
 
 
 class MappingPipeline:
@@ -45,10 +54,18 @@ class MappingPipeline:
 
         Raises `MappingError` for one that cannot be used; the present one stays.
         """
+        self.adopt(self.prepare(given, fixed=fixed))
+
+    def prepare(self, given: SavedMap, *, fixed: bool) -> OpenedMap:
+        """The part of `open_map` that takes long and changes nothing: any thread may do it. Raises `MappingError`."""
         slam = self._make_slam(given, fixed)
         slam.grid()  # a map that cannot be drawn would never be seen
-        self._given, self._fixed = given, fixed
-        self._begin(slam)
+        return OpenedMap(slam, given, fixed)
+
+    def adopt(self, opened: OpenedMap) -> None:
+        """Begin with a map that was prepared, once."""
+        self._given, self._fixed = opened.given, opened.fixed
+        self._begin(opened.slam)
         self._revision += 1
 
     def saved_map(self) -> SavedMap:

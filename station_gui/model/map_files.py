@@ -1,4 +1,4 @@
-"""Maps kept in files: the mapping's thread does what the operator asks, and the journal tells the outcome."""
+"""Maps kept in files, beside the mapping, which goes on meanwhile; the journal tells the outcome."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 
-from station_gui.mapping.pipeline import MappingPipeline
-from station_gui.mapping.saved_map import read_map, write_map
+from station_gui.mapping.pipeline import MappingPipeline, OpenedMap
+from station_gui.mapping.saved_map import SavedMap, read_map, write_map
 from station_gui.mapping.slam2d.base import MappingError
 from station_gui.mapping.snapshot import Tracking
 from station_gui.model.journal import Journal
@@ -34,13 +34,28 @@ class _Wish:
     fixed: bool = False
 
 
-class MapFiles:
-    """Wishes come from any thread; `step` and `tell` are called by the mapping's."""
+@dataclass(slots=True)
+class _Job:
+    """A wish on its way: `saved` is to be written, or `opened` was read."""
 
-    def __init__(self, journal: Journal) -> None:
+    wish: _Wish
+    saved: SavedMap | None = None
+    opened: OpenedMap | None = None
+
+
+class MapFiles:
+    """One wish after the other. Wishes come from any thread.
+
+    `step` and `tell` are called by the mapping's thread, `work` by one that may take its time: it writes what was
+    mapped until then, and reads and draws what the mapping is to go on with.
+    """
+
+    def __init__(self, journal: Journal, pipeline: MappingPipeline) -> None:
         self._journal = journal
+        self._pipeline = pipeline
         self._wishes: deque[_Wish] = deque(maxlen=_WAITING)
         self._lock = threading.Lock()
+        self._job: _Job | None = None
         self._told = Tracking.LOCATED
 
     def save(self, path: Path) -> None:
@@ -51,19 +66,47 @@ class MapFiles:
         with self._lock:
             self._wishes.append(_Wish(path, save=False, fixed=fixed))
 
-    def step(self, pipeline: MappingPipeline) -> bool:
-        """Do what is wished; True when another map is in use."""
-        opened = False
-        while (wish := self._next()) is not None:
-            try:
-                if wish.save:
-                    self._write(pipeline, wish)
-                else:
-                    self._read(pipeline, wish)
-                    opened = True
-            except MappingError as error:
-                self._journal.add(Severity.ERROR, str(error))
-        return opened
+    def step(self) -> bool:
+        """Hand on what is wished, take over what was read; True when another map is in use."""
+        job = self._job
+        if job is not None and job.opened is None:
+            return False
+        if job is not None and job.opened is not None:
+            self._pipeline.adopt(job.opened)
+            purpose = "to localise in, it is not changed" if job.wish.fixed else "to go on with"
+            self._tell_of("map opened " + purpose, job.wish, f"{len(job.opened.given.keyframes)} scans")
+            self._job = None
+            return True
+        self._begin_job()
+        return False
+
+    def work(self) -> None:
+        """Write or read, if there is anything to."""
+        job = self._job
+        if job is None or job.opened is not None:
+            return
+        try:
+            if job.saved is not None:
+                self._write(job.saved, job.wish)
+            else:
+                job.opened = self._pipeline.prepare(read_map(job.wish.path), fixed=job.wish.fixed)
+        except MappingError as error:
+            self._journal.add(Severity.ERROR, str(error))
+        finally:
+            if job.opened is None:
+                self._job = None
+
+    def finish(self) -> None:
+        """Write what is still to be saved; call it after the tasks have ended."""
+        if self._job is not None and self._job.saved is not None:
+            self.work()
+        self._job = None
+        with self._lock:
+            waiting = [wish for wish in self._wishes if wish.save]
+            self._wishes = deque(waiting, _WAITING)
+        for _ in waiting:
+            self._begin_job()
+            self.work()
 
     def tell(self, tracking: Tracking) -> None:
         """When it has changed."""
@@ -71,18 +114,20 @@ class MapFiles:
             self._told = tracking
             self._journal.add(*_TOLD[tracking])
 
-    def _next(self) -> _Wish | None:
+    def _begin_job(self) -> None:
         with self._lock:
-            return self._wishes.popleft() if self._wishes else None
+            wish = self._wishes.popleft() if self._wishes else None
+        if wish is None:
+            return
+        try:
+            self._job = _Job(wish, self._pipeline.saved_map() if wish.save else None)
+        except MappingError as error:
+            self._journal.add(Severity.ERROR, str(error))
 
-    def _write(self, pipeline: MappingPipeline, wish: _Wish) -> None:
-        saved = pipeline.saved_map()
+    def _write(self, saved: SavedMap, wish: _Wish) -> None:
         write_map(saved, wish.path)
         size_kb = wish.path.stat().st_size / 1000
-        self._journal.add(Severity.INFO, f"map saved: {wish.path}, {len(saved.keyframes)} scans, {size_kb:.0f} kB")
+        self._tell_of("map saved", wish, f"{len(saved.keyframes)} scans, {size_kb:.0f} kB")
 
-    def _read(self, pipeline: MappingPipeline, wish: _Wish) -> None:
-        saved = read_map(wish.path)
-        pipeline.open_map(saved, fixed=wish.fixed)
-        purpose = "to localise in, it is not changed" if wish.fixed else "to go on with"
-        self._journal.add(Severity.INFO, f"map opened {purpose}: {wish.path}, {len(saved.keyframes)} scans")
+    def _tell_of(self, done: str, wish: _Wish, what: str) -> None:
+        self._journal.add(Severity.INFO, f"{done}: {wish.path}, {what}")

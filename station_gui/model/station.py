@@ -51,10 +51,11 @@ NameRecording = Callable[[], Path | None]
 SESSION_ROW = Row("session", 50.0, 0.5, 0.02, OnFault.RETRY)
 MAPPING_ROW = Row("mapping", 50.0, 1.0, 0.10, OnFault.DEGRADE)
 PLANNING_ROW = Row("planning", 10.0, 1.0, 0.50, OnFault.DEGRADE)
+FILES_ROW = Row("map files", 20.0, 1.0, 5.0, OnFault.RETRY)
 
 
 class Station:
-    """Implements `Operator`. Its three tasks run in threads, or in lock-step with a robot."""
+    """Implements `Operator`. Its tasks run in threads, or in lock-step with a robot."""
 
     def __init__(
         self,
@@ -76,7 +77,7 @@ class Station:
         self._session = Session(session, clock, self, first_command, self._operator_is_there)
         self._goals = GoalKeeper(planner, self._send, self._journal)
         self._pipeline = make_pipeline()
-        self._map_files = MapFiles(self._journal)
+        self._map_files = MapFiles(self._journal, self._pipeline)
         self._queue: deque[Observation] = deque(maxlen=_QUEUE)
         self._queue_lock = threading.Lock()
         self._recorder: Recorder | None = None
@@ -101,11 +102,13 @@ class Station:
             Task(SESSION_ROW, self._session.step),
             Task(MAPPING_ROW, self.step_mapping),
             Task(PLANNING_ROW, self._step_planning),
+            Task(FILES_ROW, self._map_files.work),
         ]
 
     def close(self) -> None:
-        """Let go of the link and end the recording; call it after the tasks have ended."""
+        """Let go of the link, end the recording, write what is to be saved; call it after the tasks have ended."""
         self._session.close()
+        self._map_files.finish()
         self._end_recording()
 
     def on_fault(self, row: Row, error: Exception) -> None:
@@ -114,7 +117,7 @@ class Station:
     def step_mapping(self) -> None:
         """Map what is waiting, then publish one snapshot."""
         done = 0
-        if self._map_files.step(self._pipeline):
+        if self._map_files.step():
             self._goals.forget()
             done += 1
         while done < _OBSERVATIONS_PER_STEP and (observation := self._next_observation()) is not None:

@@ -34,6 +34,7 @@ from station_gui.build import build_station
 from station_gui.comms.state import LinkState
 from station_gui.config import load_config
 from station_gui.mapping.pipeline import MappingPipeline
+from station_gui.mapping.saved_map import read_map
 from station_gui.mapping.slam2d.base import MappingError
 from station_gui.mapping.snapshot import MapSnapshot, Tracking
 from station_gui.model.station import Station
@@ -373,7 +374,7 @@ def test_a_goal_is_refused_while_the_robot_is_lost(scene: Scene, tmp_path: Path)
     path = tmp_path / "room.labmap"
     with_map(scene).station.save_map(path)
     scene.station.open_map(path, localise=False)
-    scene.run(0.1)
+    scene.run(0.3)
     scene.commands()
     scene.station.go_to(1.0, 0.5)
     scene.run(0.3)
@@ -408,6 +409,47 @@ def test_files_that_cannot_be_used_are_told_and_the_map_stays(scene: Scene, tmp_
     assert f"{path}: is not a saved map" in scene.log()
     assert "cannot be written" in scene.log()
     assert scene.station.view().snapshot is before
+
+
+def test_mapping_goes_on_while_a_map_is_written_and_read(scene: Scene, tmp_path: Path) -> None:
+    path = tmp_path / "room.labmap"
+    with_map(scene)
+    scene.station.save_map(path)
+    for k in range(12, 15):  # the task that writes is not called meanwhile
+        scene.station.on_report(observation(k, Pose2(0.04 * k, 0.0, 0.0)))
+        scene.station.step_mapping()
+    snapshot = scene.station.view().snapshot
+    assert snapshot is not None
+    assert snapshot.observations == 15
+    assert not path.exists()
+    scene.run(0.1)
+    assert path.exists()
+
+    scene.station.open_map(path, localise=False)
+    scene.station.step_mapping()
+    scene.station.on_report(observation(15, Pose2(0.6, 0.0, 0.0)))
+    scene.station.step_mapping()
+    snapshot = scene.station.view().snapshot
+    assert snapshot is not None
+    assert snapshot.located
+    assert snapshot.observations == 16
+    scene.run(0.1)
+    assert "map opened to go on with" in scene.log()
+
+
+def test_a_map_is_saved_before_another_one_is_opened_and_at_the_end(scene: Scene, tmp_path: Path) -> None:
+    first, second, third = (tmp_path / name for name in ("1.labmap", "2.labmap", "3.labmap"))
+    with_map(scene).station.save_map(first)
+    scene.station.open_map(first, localise=True)
+    scene.station.save_map(second)
+    scene.run(0.5)
+    assert len(read_map(second).keyframes) == len(read_map(first).keyframes)
+    told = scene.log()
+    assert told.index("1.labmap") < told.index("map opened") < told.index("2.labmap")
+    scene.station.open_map(tmp_path / "none.labmap", localise=True)
+    scene.station.save_map(third)
+    scene.station.close()
+    assert third.exists()
 
 
 def test_there_is_nothing_to_save_before_the_first_scan(scene: Scene, tmp_path: Path) -> None:
