@@ -51,7 +51,7 @@ NameRecording = Callable[[], Path | None]
 SESSION_ROW = Row("session", 50.0, 0.5, 0.02, OnFault.RETRY)
 MAPPING_ROW = Row("mapping", 50.0, 1.0, 0.10, OnFault.DEGRADE)
 PLANNING_ROW = Row("planning", 10.0, 1.0, 0.50, OnFault.DEGRADE)
-FILES_ROW = Row("map files", 20.0, 1.0, 5.0, OnFault.RETRY)
+FILES_ROW = Row("map files", 50.0, 1.0, 5.0, OnFault.RETRY)
 
 
 class Station:
