@@ -26,7 +26,7 @@ _DOUBLE_VALLEY = 0.5  # between the ridges, of the weaker one's height
 _SEEN_TOGETHER = 0.2  # scans that see both at once see two things
 
 _RIDGE_M = 0.05  # half the width of a wall
-_BEHIND_M = (0.10, 1.0)  # a wall, seen through it
+_BEHIND_M = (0.25, 1.0)  # a wall, seen through it; a URG-04LX puts parts of far scans up to 0.2 m behind
 _RIDGE_COS, _BEHIND_COS = math.cos(math.radians(15.0)), math.cos(math.radians(30.0))
 _GRAZING_COS = 0.3  # flatter rays pass the end of a wall by
 _BODY_M = 0.15  # a scanner this far behind a wall can be on its other side

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shared.geometry.se2 import Pose2
-from tools.evaluate.kidnap import Trial, summarise
+from tools.evaluate.kidnap import Trial, as_json, succeeded, summarise
 from tools.simulator.rooms import free_pose, random_room
 from tools.simulator.scenario import Scenario, find_scenario
 from tools.simulator.solids import solids_of
@@ -74,6 +74,26 @@ def test_figures_count_what_was_found_rightly() -> None:
     assert figures.seconds_to_find_p50 == 2.0
     assert figures.error_m_p50 == 0.006
     assert (figures.elsewhere, figures.elsewhere_lost, figures.elsewhere_wrong) == (1, 1, 0)
+
+
+@pytest.mark.parametrize(
+    ("found", "wrong", "lost", "elsewhere_wrong", "succeeds"),
+    [(95, 0, 5, 0, True), (94, 0, 6, 0, False), (99, 1, 0, 0, False), (100, 0, 0, 1, False), (0, 0, 3, 0, False)],
+)
+def test_it_fails_where_too_few_are_found_or_one_place_is_wrong(
+    found: int, wrong: int, lost: int, elsewhere_wrong: int, succeeds: bool
+) -> None:
+    outcomes = ["found"] * found + ["wrong"] * wrong + ["lost"] * lost
+    here = [Trial(k, outcome, 1.0, 0.0, 0.0) for k, outcome in enumerate(outcomes)]
+    there = [Trial(k, "wrong", 1.0, math.nan, math.nan) for k in range(elsewhere_wrong)]
+    assert succeeded(summarise(here, there, 1)) is succeeds
+
+
+def test_a_trial_is_a_row_in_which_what_is_no_number_is_null() -> None:
+    assert as_json(Trial(3, "found", 1.23456, 0.01, 0.5)) == {
+        "number": 3, "outcome": "found", "seconds": 1.2346, "error_m": 0.01, "error_deg": 0.5,
+    }  # fmt: skip
+    assert as_json(Trial(4, "lost", math.nan, math.nan, math.nan))["seconds"] is None
 
 
 def test_figures_of_no_trials_are_empty() -> None:
