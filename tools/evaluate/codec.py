@@ -207,7 +207,7 @@ def _compare(sent: Observation, received: Observation, tally: Tally) -> None:
 
 
 def figures(tally: Tally) -> dict[str, float]:
-    """Means over all observations; bytes_per_observation is the whole datagram, its three bytes of head included.
+    """Means over all observations; bytes_per_observation is the whole datagram, its four bytes of head included.
 
     bytes_alignment are of those of the scan.
     """

@@ -1,7 +1,7 @@
 """Observations to datagrams, predicted from what the other side is known to have.
 
 A datagram is a byte (bit 7: keyframe; bits 6 to 3: its number modulo 16; bits 2 to 0: how many numbers back lies the
-state that it is predicted from, less one), 16 bits of check over the bytes and over the state that comes of them, and
+state that it is predicted from, less one), 24 bits of check over the bytes and over the state that comes of them, and
 the coded values, without zeros at their end.
 """
 
@@ -35,7 +35,7 @@ from shared.protocol.compact.walk import Sizes, code_observation
 
 IntArray = NDArray[np.int64]
 
-HEAD_BYTES = 3
+HEAD_BYTES = 4
 NUMBERS = 16
 WINDOW = 8  # states that are kept on either side
 KEYFRAME = 0x80
@@ -72,7 +72,7 @@ DETAILS = (
 
 def check_of(payload: bytes, state: State) -> int:
     """Of the bytes and of what came of them."""
-    return zlib.crc32(state.digest.to_bytes(4, "little"), zlib.crc32(payload)) & 0xFFFF
+    return zlib.crc32(state.digest.to_bytes(4, "little"), zlib.crc32(payload)) & 0xFFFFFF
 
 
 @dataclass(slots=True, eq=False)
@@ -227,7 +227,7 @@ class Encoder:
             raise ValueError(str(error)) from error
         payload = coding.finish()
         head = KEYFRAME | self._number << 3 if base is None else self._number << 3 | self._distance()
-        check = check_of(bytes((head,)) + payload, state).to_bytes(2, "little")
+        check = check_of(bytes((head,)) + payload, state).to_bytes(HEAD_BYTES - 1, "little")
         datagram = bytes((head,)) + check + payload
         return Encoded(datagram, self._number, base is None, sending.level, sizes), state
 
