@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from station_gui.build import build_slam
 from station_gui.config import StationConfig, load_config
 from station_gui.mapping.scan import PointScan, to_points
-from station_gui.mapping.slam2d.base import SessionSlam
+from station_gui.mapping.slam2d.localisation.self_locating import SelfLocatingSlam
+from station_gui.mapping.slam2d.particle.particle_slam import ParticleSlam
 from station_gui.mapping.snapshot import Tracking
 from tools.logs.base import LogReader
 
@@ -50,6 +51,8 @@ class Run:
     """`stamps_s`: (N,); `poses`: (N, 3), map_from_robot after the last optimisation; `steps`: of each scan.
 
     `ranges_m`: of each scan, (B,). `unlocated`: how many scans came while the station did not know its place.
+    `resamplings` and `effective_share`: of a particle filter only; the latter is the mean effective number of the
+    particles as a share of all.
     """
 
     scans: list[PointScan]
@@ -59,6 +62,8 @@ class Run:
     finish: Spent
     loop_closures: int
     unlocated: int
+    resamplings: int | None
+    effective_share: float | None
     truncated: str | None
 
     @property
@@ -81,12 +86,12 @@ def shipped(method: Method, seed: int) -> StationConfig:
     return replace(config, method=method, particle_slam=replace(config.particle_slam, seed=seed))
 
 
-def shipped_slam(method: Method, seed: int) -> SessionSlam:
+def shipped_slam(method: Method, seed: int) -> SelfLocatingSlam:
     """What the station's pipeline is built of."""
     return build_slam(shipped(method, seed))
 
 
-def play(reader: LogReader, slam: SessionSlam) -> Run:
+def play(reader: LogReader, slam: SelfLocatingSlam) -> Run:
     """The whole log, in the order of the file."""
     scans, ranges, steps, unlocated = [], [], [], 0
     for observation in reader:
@@ -101,4 +106,16 @@ def play(reader: LogReader, slam: SessionSlam) -> Run:
     slam.finish()
     finish = watch.spent()
     poses = np.array([slam.pose_of_scan(k).as_array() for k in range(len(scans))]).reshape(-1, 3)
-    return Run(scans, ranges, poses, steps, finish, len(slam.closures()), unlocated, reader.truncated)
+    particles = slam.inner if isinstance(slam.inner, ParticleSlam) else None
+    return Run(
+        scans,
+        ranges,
+        poses,
+        steps,
+        finish,
+        loop_closures=len(slam.closures()),
+        unlocated=unlocated,
+        resamplings=particles.resamplings if particles is not None else None,
+        effective_share=particles.effective_share if particles is not None else None,
+        truncated=reader.truncated,
+    )

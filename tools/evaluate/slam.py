@@ -31,7 +31,8 @@ class SlamFigures:
     """What `evaluate slam` prints. Times are by the clock; those named cpu are what was computed in them.
 
     `cpu_seconds` is of all threads, `step_cpu_ms` of the mapping thread. `unlocated`: scans that came while the
-    station did not know where the robot is.
+    station did not know where the robot is. `resamplings` and `effective_share`, the mean effective number as a share
+    of the particles, are those of the particle filter.
     """
 
     scans: int
@@ -49,6 +50,8 @@ class SlamFigures:
     peak_rss_mb: float
     loop_closures: int
     unlocated: int
+    resamplings: int | None
+    effective_share: float | None
     cpu_seconds: float
     cpu_realtime_factor: float
     step_ms_max: float
@@ -123,6 +126,8 @@ def summarise(result: Run, relations: FloatArray) -> SlamFigures:
         peak_rss_mb=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
         loop_closures=result.loop_closures,
         unlocated=result.unlocated,
+        resamplings=result.resamplings,
+        effective_share=result.effective_share,
         cpu_seconds=result.cpu_s,
         cpu_realtime_factor=played_s / result.cpu_s,
         step_ms_max=float(wall_ms.max()),

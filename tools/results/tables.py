@@ -88,7 +88,8 @@ def render(figures: Figures) -> str:
                 _accuracy(figures)),
         *_table(_COST_WORDS,
                 ("log", "method", "s", "CPU s", "× real time", "by CPU", "step p50 / p99 / max", "by CPU",
-                 "p99 of the first / last 1000", "by CPU", "peak memory", "closures", "scans lost"), _cost(figures)),
+                 "p99 of the first / last 1000", "by CPU", "peak memory", "closures", "scans lost",
+                 "resampled, mean N_eff"), _cost(figures)),
         *_table(_URG_WORDS,
                 ("log", "method", "walls", "thickness σ (within one scan)", "p95", "bend, mean / worst", "twice there",
                  "scanner's noise", "revisit: median / p95", "offset that aligns it", "scans lost"), _urg(figures)),
@@ -151,7 +152,13 @@ def _cost(figures: Figures) -> Iterator[tuple[str, ...]]:
             _numbers(f, ("step_ms_p99_first_1000", 1), ("step_ms_p99_last_1000", 1)),
             _numbers(f, ("step_cpu_ms_p99_first_1000", 1), ("step_cpu_ms_p99_last_1000", 1)),
             f"{f['peak_rss_mb']:.0f} MB", str(f["loop_closures"]), _number(f, "unlocated", 0),
+            _resampled(f) if method == "particle" else "",
         )  # fmt: skip
+
+
+def _resampled(f: dict[str, Any]) -> str:
+    share = f.get("effective_share")
+    return f"{f['resamplings']} times, {100 * share:.0f} % of the particles" if share is not None else "?"
 
 
 def _number(f: dict[str, Any], key: str, digits: int) -> str:

@@ -59,7 +59,7 @@ def test_all_figures_are_printed_as_json_and_the_trajectory_is_written(
         "seconds", "realtime_factor", "step_ms_p50", "step_ms_p99", "step_ms_p99_first_1000", "step_ms_p99_last_1000",
         "peak_rss_mb", "loop_closures", "unlocated", "cpu_seconds", "cpu_realtime_factor", "step_ms_max",
         "step_cpu_ms_p50", "step_cpu_ms_p99", "step_cpu_ms_p99_first_1000", "step_cpu_ms_p99_last_1000",
-        "step_cpu_ms_max",
+        "step_cpu_ms_max", "resamplings", "effective_share",
     }  # fmt: skip
     assert 0 < figures["step_cpu_ms_p50"] <= figures["step_cpu_ms_p99"] <= figures["step_cpu_ms_max"]
     rows = np.loadtxt(trajectory)
@@ -111,6 +111,8 @@ def test_the_particle_filter_gives_the_same_figures_and_the_same_trajectory_for_
     figures = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert figures["translation_mean_m"] < 0.005
     assert figures["loop_closures"] == 0
+    assert figures["resamplings"] == 0
+    assert figures["effective_share"] == pytest.approx(1.0)
     assert written[0] == written[1]
 
 

@@ -66,6 +66,11 @@ def test_what_was_measured_stands_beside_what_was_published() -> None:
     assert "images/intel-particle.png" not in text
 
 
+def test_the_particle_filter_says_how_often_it_resampled() -> None:
+    figures = SLAM | CPU | {"resamplings": 31, "effective_share": 0.634}
+    assert _row(render({"intel": {"particle": figures}}), "Intel", "particle")[-1] == "31 times, 63 % of the particles"
+
+
 def test_every_row_of_a_table_has_as_many_columns_as_its_head() -> None:
     lab = {"seeds": [1, 2], "finished": True, "mean": LAB_FIGURES, "worst": LAB_FIGURES}
     text = render(

@@ -170,6 +170,11 @@ class SelfLocatingSlam:
         return len(self._relocaliser.hypotheses) if self._relocaliser is not None else 0
 
     @property
+    def inner(self) -> StoredSlam:
+        """The method that follows the robot."""
+        return self._inner
+
+    @property
     def fixed(self) -> bool:
         return self._fixed
 
