@@ -22,7 +22,7 @@ from station_gui.mapping.slam2d.graph.loop_closure import LoopCloser, edge_infor
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
 from station_gui.mapping.slam2d.graph.stored import fill, to_saved
 from station_gui.mapping.slam2d.graph.upkeep import GraphUpkeep
-from station_gui.mapping.slam2d.grid.occupancy_grid import OccupancyGrid
+from station_gui.mapping.slam2d.grid.following_grid import FollowingGrid
 from station_gui.mapping.slam2d.keyframes import Keyframe, Placed
 from station_gui.mapping.slam2d.local_map_builder import LocalMapBuilder
 from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, Match, ScanMatcher, to_lines
@@ -41,7 +41,7 @@ class GraphSlam:
         self._matcher = ScanMatcher(config.match, config.local_map.reach_cells, config.local_map.cell_m)
         self._local = LocalMapBuilder(config.local_map)
         self._graph = PoseGraph(config.pose_graph)
-        self._grid = OccupancyGrid(config.grid)
+        self._grid = FollowingGrid(config.grid)
         self._scans = Placed()
         self._keyframes: list[Keyframe] = []
         self._keyframe_places = Placed()
@@ -50,7 +50,6 @@ class GraphSlam:
         closer = LoopCloser(config.loops, config.local_map, self._matcher)
         self._upkeep = GraphUpkeep(config.pose_graph, config.loops, closer, self._graph, self._by_node)
         self._revision = 0
-        self._grid_revision = 0  # that the grid was last drawn for
         self._node = 0
         self._local_from_node = np.zeros(3)
         self._pose = np.zeros(3)  # of the robot in the local map's frame
@@ -184,7 +183,7 @@ class GraphSlam:
         self._upkeep.look_for_loops(self._node)
         if self._upkeep.finish():
             self._note_revision()
-        self._grid = OccupancyGrid(self._config.grid)
+        self._grid = FollowingGrid(self._config.grid)
 
     def pose_of_scan(self, index: int) -> Pose2:
         node = self._graph.poses[self._scans.node_of(index)]
@@ -207,13 +206,8 @@ class GraphSlam:
         return np.array(pairs, np.int32).reshape(-1, 2)
 
     def grid(self) -> GridMap:
-        poses = self._keyframe_places.poses(self._graph.poses)
-        drawn = self._grid.consumed
-        if self._grid_revision != self._revision:
-            self._grid.move(poses[:drawn])
-            self._grid_revision = self._revision
-        self._grid.add_all(self._keyframes[drawn:], poses[drawn:])
-        return self._grid.snapshot()
+        """After a closure that moved much it follows within some seconds of calls, or by `finish`."""
+        return self._grid.picture(self._keyframes, self._keyframe_places.poses(self._graph.poses), self._revision)
 
     def _begin(self, scan: PointScan, lines: LineScan) -> None:
         """The map begins with the first scan of enough points; until then the robot is where odometry says."""

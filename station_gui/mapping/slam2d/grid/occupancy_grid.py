@@ -148,16 +148,19 @@ class OccupancyGrid:
         farthest_m = float(reach[near].max(initial=0.0))
         return _Drawn(points_m[near], scanner_m, pose.copy(), farthest_m + float(np.hypot(*scanner_m)))
 
-    def move(self, poses: NDArray[np.float64]) -> None:
-        """`poses`: (consumed, 3): where the scans are believed to be now; those that moved are drawn again."""
+    def moved(self, poses: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Which scans are to be drawn again; `poses`: (consumed, 3)."""
         if not len(self._scans):
-            return
+            return np.zeros(0, np.int64)
         drawn = np.array([scan.pose for scan in self._scans])
         change = poses - drawn
         turned_m = np.abs(np.remainder(change[:, 2] + math.pi, math.tau) - math.pi) * [s.reach_m for s in self._scans]
-        moved = np.flatnonzero(
-            np.hypot(change[:, 0], change[:, 1]) + turned_m > self._config.moved_cells * self._cell_m
-        )
+        far_m = np.hypot(change[:, 0], change[:, 1]) + turned_m
+        return np.flatnonzero(far_m > self._config.moved_cells * self._cell_m)
+
+    def move(self, poses: NDArray[np.float64]) -> None:
+        """`poses`: (consumed, 3): where the scans are believed to be now; those that moved are drawn again."""
+        moved = self.moved(poses)
         if 2 * len(moved) > len(self._scans):
             for scan, pose in zip(self._scans, poses, strict=True):
                 scan.pose = pose.copy()
