@@ -21,7 +21,7 @@ from shared.geometry.se2 import Pose2
 from station_gui.mapping.saved_map import SavedMap
 from station_gui.mapping.scan import PointScan
 from station_gui.mapping.slam2d.base import Admits, MappingError, admit_all
-from station_gui.mapping.slam2d.grid.occupancy_grid import OccupancyGrid
+from station_gui.mapping.slam2d.grid.following_grid import FollowingGrid
 from station_gui.mapping.slam2d.keyframes import Keyframe, Placed
 from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, to_lines
 from station_gui.mapping.slam2d.particle.ancestry import Ancestry
@@ -73,8 +73,7 @@ class ParticleSlam:
         self._breaks: dict[int, Break] = {}
         self._path_end = -1
         self._path = np.zeros((0, 3))  # to that end
-        self._grid = OccupancyGrid(config.grid)
-        self._grid_revision = 0  # that the grid was last drawn for
+        self._grid = FollowingGrid(config.grid)
 
     def add(self, scan: PointScan) -> Pose2:
         """See `Slam.add`. Raises MappingError for a scan that holds anything but finite numbers."""
@@ -167,7 +166,7 @@ class ParticleSlam:
         if self._steps:
             while self._closer.busy:
                 self._close(last=True)
-        self._grid = OccupancyGrid(self._config.grid)
+        self._grid = FollowingGrid(self._config.grid)
 
     def pose_of_scan(self, index: int) -> Pose2:
         return Pose2.from_array(compose(self._step_poses()[self._scans.node_of(index)], self._scans.in_node(index)))
@@ -187,13 +186,8 @@ class ParticleSlam:
         return self._closer.closures()
 
     def grid(self) -> GridMap:
-        poses = self._step_poses()
-        drawn = self._grid.consumed
-        if self._grid_revision != self._revision:
-            self._grid.move(poses[:drawn])
-            self._grid_revision = self._revision
-        self._grid.add_all(self._steps[drawn:], poses[drawn:])
-        return self._grid.snapshot()
+        """After paths have moved much it follows within some seconds of calls, or by `finish`."""
+        return self._grid.picture(self._steps, self._step_poses(), self._revision)
 
     def _begin(self, scan: PointScan, lines: LineScan) -> None:
         """The map begins with the first scan of enough points; until then the robot is where odometry says."""
