@@ -2,7 +2,8 @@
 
 Every particle is a path and the map that follows from it. Once in a while all of them move, by a proposal that is
 matched on their own map, are weighted, and resampled when their effective number is low. The scans in between are
-matched on the best particle's map, and ride on its last step.
+matched on the best particle's map, and ride on its last step. Where the odometry says little, or the best particle's
+match contradicts it, each particle also begins from a draw of its own, so that several places are kept that fit.
 
 Where the robot comes back after a long way the particles do not spread over the error, and no resampling finds a path
 that none of them went. Such a loop is looked for, and closed by moving the paths as a whole (resample-move, Gilks and
@@ -256,17 +257,29 @@ class ParticleSlam:
         """
         sigma = self._proposer.odometry_sigma(self._odometry_rel)
         deviates = self._deviates.draw(self._rng, self._rel)
+        others = self._other_motions(sigma)
         log_factors = np.zeros(len(self._poses))
         matched = np.zeros(len(self._poses), bool)
         information = np.zeros((len(self._poses), 3, 3))
         for particle, base in enumerate(self._poses.copy()):
             start, prior = compose(base, self._rel), compose(base, self._odometry_rel)
-            proposed = self._proposer.propose(particle, lines, start, prior, sigma, deviates[particle])
+            drawn = None if others is None else compose(base, others[particle])
+            proposed = self._proposer.propose(particle, lines, start, prior, sigma, deviates[particle], drawn)
             self._poses[particle] = proposed.pose
             log_factors[particle] = proposed.log_weight
             matched[particle] = proposed.matched
             information[particle] = proposed.information
         return log_factors, matched, information
+
+    def _other_motions(self, sigma: FloatArray) -> FloatArray | None:
+        """(N, 3): each particle's own draw of the motion since the last step (algorithm 1, line 4).
+
+        None where the motion of the best particle is as good a start: it lies within what the others can be matched
+        from.
+        """
+        if not self._proposer.may_mislead(between(self._odometry_rel, self._rel), sigma):
+            return None
+        return self._odometry_rel + sigma * self._rng.standard_normal(self._poses.shape)
 
     def _take_over(self, parents: NDArray[np.int64]) -> None:
         """Particle i becomes a copy of `parents[i]`."""

@@ -39,6 +39,9 @@ class ProposalConfig:
     odometry_shift_ratio: float = 0.2
     odometry_turn_rad: float = math.radians(1.0)
     odometry_turn_ratio: float = 0.2
+    basin_m: float = 0.2  # from where a match is found again, as wide as its kernel
+    basin_rad: float = math.radians(8.0)
+    misleading_sigmas: float = 3.0  # of the odometry: how far off another particle's match may start this one's
     weak_points: float = 15.0  # a direction that fewer points hold is left to the odometry,
     weak_weight: float = 10.0  # which then weighs as much as this many
     search_shift_m: float = 0.1
@@ -104,6 +107,16 @@ class Proposer:
         far = min(1.0, float((np.abs(away) / sigma).max()) / config.far_sigmas)
         return match.share >= config.lost_share + far * (config.doubtful_share - config.lost_share)
 
+    def may_mislead(self, apart: FloatArray, sigma: FloatArray) -> bool:
+        """Whether a match, (3,) `apart` from the odometry, says too little about where other particles are.
+
+        So it is where the odometry is so uncertain that the particles spread over several places that fit, and where
+        the match contradicts the odometry: it may be the best particle that is mistaken.
+        """
+        config = self._config
+        wide = max(float(sigma[:2].max()) / config.basin_m, float(sigma[2]) / config.basin_rad) > 1.0
+        return wide or float((np.abs(apart) / sigma).max()) > config.misleading_sigmas
+
     def propose(
         self,
         particle: int,
@@ -112,10 +125,18 @@ class Proposer:
         prior: FloatArray,
         sigma: FloatArray,
         deviates: FloatArray,
+        drawn: FloatArray | None = None,
     ) -> Proposed:
-        """`start`: (3,), where matching begins; `prior`, `sigma`: (3,), what odometry says; `deviates`: (3,) normal."""
+        """`start`: (3,), where matching begins; `prior`, `sigma`: (3,), what odometry says; `deviates`: (3,) normal.
+
+        `drawn`: (3,), a draw from the motion model; where the map fits better there than from `start` it is both.
+        """
         config = self._config
         match = self._match(particle, scan, start, prior, sigma)
+        if drawn is not None:
+            other = self._match(particle, scan, drawn, drawn, sigma)
+            if other.share > match.share:
+                match, start, prior = other, drawn, drawn
         pose = match.pose.copy()
         log_weight = math.nan
         if self.believes(match, prior, sigma):
