@@ -50,7 +50,7 @@ class Stopwatch:
 class Run:
     """`stamps_s`: (N,); `poses`: (N, 3), map_from_robot after the last optimisation; `steps`: of each scan.
 
-    `ranges_m`: of each scan, (B,). `unlocated`: how many scans came while the station did not know its place.
+    `ranges_m`: of each scan, (B,). `located`: (N,), whether the station knew the robot's place when the scan was taken.
     `resamplings` and `effective_share`: of a particle filter only; the latter is the mean effective number of the
     particles as a share of all.
     """
@@ -61,7 +61,7 @@ class Run:
     steps: list[Spent]
     finish: Spent
     loop_closures: int
-    unlocated: int
+    located: NDArray[np.bool_]
     resamplings: int | None
     effective_share: float | None
     truncated: str | None
@@ -69,6 +69,11 @@ class Run:
     @property
     def stamps_s(self) -> FloatArray:
         return np.array([scan.stamp_s for scan in self.scans])
+
+    @property
+    def unlocated(self) -> int:
+        """How many scans came while the station did not know the robot's place."""
+        return int(np.count_nonzero(~self.located))
 
     @property
     def wall_s(self) -> float:
@@ -93,13 +98,13 @@ def shipped_slam(method: Method, seed: int) -> SelfLocatingSlam:
 
 def play(reader: LogReader, slam: SelfLocatingSlam) -> Run:
     """The whole log, in the order of the file."""
-    scans, ranges, steps, unlocated = [], [], [], 0
+    scans, ranges, steps, located = [], [], [], []
     for observation in reader:
         scan = to_points(observation)
         watch = Stopwatch()
         slam.add(scan)
         steps.append(watch.spent())
-        unlocated += slam.tracking is not Tracking.LOCATED
+        located.append(slam.tracking is Tracking.LOCATED)
         scans.append(scan)
         ranges.append(observation.ranges_m)
     watch = Stopwatch()
@@ -114,7 +119,7 @@ def play(reader: LogReader, slam: SelfLocatingSlam) -> Run:
         steps,
         finish,
         loop_closures=len(slam.closures()),
-        unlocated=unlocated,
+        located=np.array(located, np.bool_),
         resamplings=particles.resamplings if particles is not None else None,
         effective_share=particles.effective_share if particles is not None else None,
         truncated=reader.truncated,

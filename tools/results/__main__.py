@@ -16,7 +16,7 @@ from shared.command_line import EXIT_OK, Parser, Refused, run
 from tools.evaluate.kidnap import trial_count
 from tools.evaluate.seeds import seed_list
 from tools.results.code_state import mapping_code, measured_at
-from tools.results.tables import CARMEN_LOGS, ITEMS, URG_LOGS, render, with_section
+from tools.results.tables import CARMEN_LOGS, CONTINUED_LOGS, ITEMS, URG_LOGS, render, with_section
 from tools.results.targets import KIDNAPS, METHODS, Figures
 
 _ROOT = Path(__file__).resolve().parents[2]
@@ -73,6 +73,8 @@ def _measured(log: str, method: str, args: argparse.Namespace) -> dict[str, Any]
         return _kidnap(method, args.trials)
     if log == "repeat":
         return _repeat(method, args.data)
+    if log == "continued":
+        return {name: _continued(name, method, args.data) for name in CONTINUED_LOGS}
     return _log(log, method, args.data, args.docs)
 
 
@@ -100,6 +102,12 @@ def _kidnap(method: str, trials: int) -> dict[str, Any]:
     kinds = [kind for kind, _, mapped_by in KIDNAPS if mapped_by == method]
     options = ("--method", method, "--trials", str(trials), "--json")
     return {kind: _json_of("tools.evaluate", "kidnap", *_KIDNAP_OPTIONS[kind], *options) for kind in kinds}
+
+
+def _continued(log: str, method: str, data: Path) -> dict[str, Any]:
+    source = CARMEN_LOGS[log]
+    words = (str(data / "slam" / source.file), "--relations", str(data / "slam" / source.relations), "--method", method)
+    return _json_of("tools.results.one_log", *words, "--continued")
 
 
 def _repeat(method: str, data: Path) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typing import Any
 
 from PIL import Image
 
-from shared.command_line import EXIT_OK, Parser, existing_file, run
+from shared.command_line import EXIT_OK, Parser, Refused, existing_file, run
 from station_gui.mapping.slam2d.base import SessionSlam
 from tools.evaluate import slam as slam_log
 from tools.evaluate import urg as urg_log
@@ -21,6 +21,7 @@ from tools.logs.base import LogError, LogReader
 from tools.logs.carmen import CarmenReader
 from tools.logs.urg import UrgReader
 from tools.pictures import draw_map, palette
+from tools.results import continued
 
 _MAX_BYTES = 150_000
 _LONG_SIDES_PX = (1000, 900, 800, 700, 500)
@@ -31,12 +32,15 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("log", type=existing_file)
     parser.add_argument("--relations", type=existing_file, help="of a CARMEN log; without it the log is a URG's")
     parser.add_argument("--method", choices=("graph", "particle"), required=True)
+    parser.add_argument("--continued", action="store_true", help="in two sessions, without a picture")
     parser.add_argument("--picture", type=Path, help="of the map")
     parser.add_argument("--title", default="", help="of the picture")
     return parser
 
 
 def measure(args: argparse.Namespace) -> dict[str, Any]:
+    if args.continued:
+        return asdict(continued.measure(args.log, args.relations, args.method))
     slam = shipped_slam(args.method, 0)
     reader: LogReader = UrgReader(args.log) if args.relations is None else CarmenReader(args.log)
     played = play(reader, slam)
@@ -71,7 +75,10 @@ def shrink(path: Path) -> None:
 
 
 def _work() -> int:
-    print(json.dumps(measure(_parser().parse_args())))
+    args = _parser().parse_args()
+    if args.continued and args.relations is None:
+        raise Refused("--continued needs the --relations")
+    print(json.dumps(measure(args)))
     return EXIT_OK
 
 

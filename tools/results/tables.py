@@ -39,9 +39,11 @@ CARMEN_LOGS = {
     ),
 }  # fmt: skip
 URG_LOGS = {"exp1": "exp1.dat.gz", "exp2": "exp2.dat.gz", "test_lab2": "test_lab2.dat.gz"}
+CONTINUED_LOGS = ("intel", "fr079")
 ITEMS = {
     **{log: source.title for log, source in CARMEN_LOGS.items()}, **{log: log for log in URG_LOGS},
     "lab": "lab with slip", "kidnap": "kidnapped", "repeat": "FR079 again",
+    "continued": "continued",
 }  # fmt: skip
 
 
@@ -71,6 +73,11 @@ _KIDNAP_WORDS = (
     "Kidnapped in the lab's saved map (`evaluate kidnap`): found means a claim within 5 cm and 2°; elsewhere is a "
     "room that is not in the map, where every claim is wrong."
 )
+_CONTINUED_WORDS = (
+    "A log in two sessions: the first half's map is stored, and a station that knows nothing else has to find the "
+    "robot in it and go on. Relations between scans of the second half, once the robot is found, and the first one's "
+    "keyframes."
+)
 _MEASURED_WORDS = (
     "Which state of the mapping each row was measured with: `code` is a hash of `station_gui/mapping` and its "
     "configuration, load how many tasks wanted one of the two cores when the run began. `python -m tools.results "
@@ -99,6 +106,9 @@ def render(figures: Figures) -> str:
         *_table(_KIDNAP_WORDS,
                 ("how", "method", "found", "wrong", "lost", "s to find, p50 / p95", "error p95",
                  "elsewhere: lost, wrong"), _kidnap(figures)),
+        *_table(_CONTINUED_WORDS,
+                ("log", "method", "error", "relations", "found after", "scans lost, of", "map file"),
+                _continued(figures)),
         *_table(_MEASURED_WORDS,
                 ("commit", "code", "measured", "method", "load"), _measured(figures)),
         *_pictures(figures),
@@ -200,6 +210,19 @@ def _kidnap(figures: Figures) -> Iterator[tuple[str, ...]]:
             f"{_mm(f['error_m_p95'])} mm, {_number(f, 'error_deg_p95', 2)}°",
             f"{f['elsewhere_lost']}, {f['elsewhere_wrong']}",
         )  # fmt: skip
+
+
+def _continued(figures: Figures) -> Iterator[tuple[str, ...]]:
+    for log in CONTINUED_LOGS:
+        for method in METHODS:
+            f = figures.get("continued", {}).get(method, {}).get(log)
+            if f is None:
+                yield (CARMEN_LOGS[log].title, method, "not measured", "", "", "", "")
+                continue
+            yield (
+                CARMEN_LOGS[log].title, method, _error(f), str(f["relations"]), f"{f['found_after']} scans",
+                f"{f['unlocated']}, {f['scans']}", f"{f['map_bytes'] / 1e6:.1f} MB",
+            )  # fmt: skip
 
 
 def _measured(figures: Figures) -> Iterator[tuple[str, ...]]:

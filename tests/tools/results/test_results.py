@@ -42,10 +42,17 @@ KIDNAP: dict[str, Any] = {
 }  # fmt: skip
 
 
+CONTINUED: dict[str, Any] = {
+    "scans": 2467, "keyframes_given": 1957, "found_after": 288, "unlocated": 290, "relations": 1431,
+    "translation_mean_m": 0.0306, "translation_std_m": 0.0228, "rotation_mean_deg": 0.462, "rotation_std_deg": 0.615,
+    "map_bytes": 2687314,
+}  # fmt: skip
+
+
 def _row(text: str, *begin: str) -> list[str]:
-    """The only row of all tables that begins with these cells; the cells after them."""
+    """The first row of all tables that begins with these cells; the cells after them."""
     start = "| " + " | ".join(begin) + " |"
-    (row,) = [line for line in text.splitlines() if line.startswith(start)]
+    row = next(line for line in text.splitlines() if line.startswith(start))
     return [cell.strip() for cell in row.removeprefix(start).strip(" |").split(" | ")]
 
 
@@ -71,12 +78,19 @@ def test_the_particle_filter_says_how_often_it_resampled() -> None:
     assert _row(render({"intel": {"particle": figures}}), "Intel", "particle")[-1] == "31 times, 63 % of the particles"
 
 
+def test_a_continued_session_says_after_how_many_scans_the_robot_was_found() -> None:
+    text = render({"continued": {"graph": {"fr079": CONTINUED}}})
+    assert "| FR079 | graph | 0.0306 ± 0.0228 m, 0.462 ± 0.615° | 1431 | 288 scans | 290, 2467 | 2.7 MB |" in text
+    assert "| FR079 | particle | not measured |" in text
+
+
 def test_every_row_of_a_table_has_as_many_columns_as_its_head() -> None:
     lab = {"seeds": [1, 2], "finished": True, "mean": LAB_FIGURES, "worst": LAB_FIGURES}
     text = render(
         {
             "intel": {"graph": SLAM, "particle": SLAM | CPU}, "exp1": {"graph": URG | BACK}, "lab": {"graph": lab},
-            "kidnap": {"graph": {"put_down": KIDNAP, "carried": KIDNAP}}, "repeat": {"graph": {"different_runs": 0}},
+            "kidnap": {"graph": {"put_down": KIDNAP, "carried": KIDNAP}}, "continued": {"graph": {"fr079": CONTINUED}},
+            "repeat": {"graph": {"different_runs": 0}},
         }
     )  # fmt: skip
     for table in text.split("\n\n"):
