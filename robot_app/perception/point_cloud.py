@@ -63,11 +63,6 @@ class EdgeCloud:
         self.sample_curve, self.sample_detail = tracer.sample_curve, tracer.sample_detail
         self.curve_group, self.curve_extent_m, self.curve_detail = tracer.group, tracer.extent_m, tracer.detail
         self._inverse, self._bend, self._shift = np.zeros((3, rows, columns), np.float32)
-        self._curve = np.zeros(rows * columns, np.int32)
-        self._box_m = np.zeros((rows * columns, 6), np.float32)
-        self._extent_m = np.zeros(rows * columns, np.float32)
-        self._score = np.zeros(rows * columns, np.float32)
-        self._smooth_m = np.zeros((rows * columns, 3), np.float32)
         self._floor, self._marks = np.zeros((2, rows, columns), np.uint8)
         self._open_rows = np.zeros(columns, np.int32)
         self._rank = rng.random((rows, columns), np.float32)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import struct
 import warnings
 import zlib
@@ -34,6 +35,7 @@ _FOREIGN = (
     zlib.error,
     Image.DecompressionBombError,
     Image.DecompressionBombWarning,
+    UserWarning,
 )
 
 
@@ -58,6 +60,7 @@ def read_depth(path: Path) -> DepthFile:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
+            warnings.simplefilter("error", UserWarning)  # what numpy says of lines that hold nothing
             return _read(path)
     except _FOREIGN as error:
         reason = " ".join(str(error).split()) or type(error).__name__
@@ -94,10 +97,22 @@ def _read_png(path: Path) -> DepthImage:
 
 
 def _read_npy(path: Path) -> DepthImage:
-    depth_m = np.load(io.BytesIO(_unpacked(path)), allow_pickle=False)
+    content = io.BytesIO(_unpacked(path))
+    _check_size(content)
+    depth_m = np.load(content, allow_pickle=False)
     if depth_m.ndim != 2 or not np.issubdtype(depth_m.dtype, np.floating):
         raise ValueError("is no array (height, width) of metres")
     return _from_metres(depth_m)
+
+
+def _check_size(content: io.BytesIO) -> None:
+    """Raises ValueError where the header asks for more than is there, before anything is made for it."""
+    version = np.lib.format.read_magic(content)
+    read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, dtype = read_header(content)
+    if math.prod(shape) * dtype.itemsize > len(content.getvalue()):
+        raise ValueError(f"says that it holds {shape} numbers, and is too short for them")
+    content.seek(0)
 
 
 def _from_metres(depth_m: NDArray[np.floating]) -> DepthImage:

@@ -33,6 +33,7 @@ from tools.evaluate.extraction_labels import LabelFigures, compare_with_labels
 from tools.evaluate.extraction_pictures import draw
 
 _RUNS = 20
+_LEAST_PX, _MOST_PX = 1.0, 100_000.0  # of a lens
 _KINECT_PX = (585.0, 585.0, 320.0, 240.0)  # of the 7-Scenes sequences
 _L515_FOV_RAD = (math.radians(70), math.radians(50))
 _ROBOT_MOUNT = CameraMount(0.28, 0.17, 0.0)
@@ -123,8 +124,8 @@ def parse_lens(text: str) -> tuple[float, ...]:
         values = tuple(float(word) for word in text.split(","))
     except ValueError:
         values = ()
-    if len(values) != 4 or min(values, default=0.0) <= 0.0:
-        raise argparse.ArgumentTypeError(f"four positive numbers FX,FY,CX,CY, not {text!r}")
+    if len(values) != 4 or not all(_LEAST_PX <= value <= _MOST_PX for value in values):  # NaN compares false
+        raise argparse.ArgumentTypeError(f"four numbers FX,FY,CX,CY from {_LEAST_PX} to {_MOST_PX:.0f}, not {text!r}")
     return values
 
 

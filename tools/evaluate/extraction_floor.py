@@ -22,6 +22,9 @@ class FloorMount:
         return self.matrix
 
 
+_LOWEST_CAMERA_M = 0.05  # above the floor
+
+
 def find_floor(image: DepthImage, intrinsics: Intrinsics) -> FloorMount | None:
     """The lowest large plane that faces up, if less than 2 % of the points lie below it; None without one."""
     points = cloud_m(image, intrinsics)[image.depth > 0][::37]
@@ -37,6 +40,8 @@ def find_floor(image: DepthImage, intrinsics: Intrinsics) -> FloorMount | None:
             continue
         normal = normal / length * (-1.0 if normal[1] > 0 else 1.0)
         if -normal[1] < 0.5:  # the camera is held upright to within 60 degrees
+            continue
+        if -normal @ a < _LOWEST_CAMERA_M:
             continue
         heights = (points - a) @ normal
         share = float(np.mean(np.abs(heights) < 0.02))

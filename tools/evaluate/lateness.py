@@ -19,6 +19,7 @@ from robot_app.drivers.base import DepthImage
 from robot_app.perception.config import PerceptionConfig
 from robot_app.perception.object_extractor import ObjectExtractor
 from robot_app.run import SWITCH_INTERVAL_S
+from shared.command_line import number_in, whole_number_in
 from shared.runtime.clock import MonotonicClock
 from shared.runtime.runner import Row, Task, ThreadRunner
 from tools.evaluate.depth_files import DepthFileError, read_depth
@@ -93,9 +94,9 @@ class Frames:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = "Measure by how much the extraction on its thread delays the robot's 100 Hz task."
     parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="depth frames; the simulated lab's without")
-    parser.add_argument("--rate", type=float, default=30.0, metavar="HZ", help="of the extraction (default 30)")
-    parser.add_argument("--seconds", type=float, default=5.0, help="of each measurement (default 5)")
-    parser.add_argument("--rounds", type=int, default=3, help="of measurements without and with (default 3)")
+    parser.add_argument("--rate", type=number_in(0.1, 100.0), default=30.0, metavar="HZ", help="of extractions (30)")
+    parser.add_argument("--seconds", type=number_in(0.1, 3600.0), default=5.0, help="of each measurement (default 5)")
+    parser.add_argument("--rounds", type=whole_number_in(1, 100), default=3, help="without and with it (3)")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 

@@ -20,6 +20,7 @@ from robot_app.perception.growing_neural_gas import GngConfig, GrowingNeuralGas
 from robot_app.perception.learner import Learner, Network
 from robot_app.perception.point_cloud import EdgeCloud, Mount
 from robot_app.perception.simplified_fast_gng import SimplifiedFastGng
+from shared.command_line import whole_number_in
 from shared.geometry.camera import Intrinsics
 from tools.evaluate.depth_files import DepthFileError, read_depth
 from tools.evaluate.extraction import intrinsics_of, mount_of, parse_lens
@@ -63,8 +64,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="PNG (16 bit, mm), .npy(.gz) (m), PCD")
     parser.add_argument("--lab", action="store_true", help="take frames of the simulated lab too")
     parser.add_argument("--intrinsics", type=parse_lens, metavar="FX,FY,CX,CY", help="of the camera, in pixels")
-    parser.add_argument("--nodes", type=int, default=150, help="that each network shall have (default 150)")
-    parser.add_argument("--runs", type=int, default=20, help="of which the median time counts (default 20)")
+    parser.add_argument("--nodes", type=whole_number_in(2, 180), default=150, help="of each network (150)")
+    parser.add_argument("--runs", type=whole_number_in(1, 1000), default=20, help="whose median counts (20)")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 

@@ -218,7 +218,9 @@ def test_the_other_learners_outline_a_box_too(tmp_path: Path, capsys: pytest.Cap
     assert box["connections"] >= 3
 
 
-@pytest.mark.parametrize("text", ["1,2,3", "a,b,c,d", "1,2,3,-4"])
+@pytest.mark.parametrize(
+    "text", ["1,2,3", "a,b,c,d", "1,2,3,-4", "nan,585,320,240", "inf,585,320,240", "1e-9,585,320,240"]
+)
 def test_intrinsics_that_are_not_four_positive_numbers_are_refused(text: str) -> None:
     with pytest.raises(SystemExit):
         parse("x.png", "--intrinsics", text)
@@ -256,3 +258,19 @@ def test_both_floors_write_the_cloud_that_the_camera_model_gives() -> None:
 
     np.testing.assert_allclose(by_equation, expected, atol=1e-5)
     np.testing.assert_allclose(tabled, expected, atol=1e-5)
+
+
+def test_a_file_that_claims_more_numbers_than_it_holds_is_refused_before_room_is_made(tmp_path: Path) -> None:
+    header = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000, 1000000), }"
+    header += b" " * (117 - len(header)) + b"\n"
+    (tmp_path / "huge.npy").write_bytes(b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header)
+    with pytest.raises(DepthFileError, match="too short"):
+        read_depth(tmp_path / "huge.npy")
+
+
+def test_a_plane_over_the_camera_is_no_floor() -> None:
+    lens = Intrinsics.from_field_of_view(320, 240, math.radians(70), math.radians(50))
+    rows = lens.ray_slopes()[1][:, None]
+    ceiling = np.where(rows < -0.05, 1.0 / np.maximum(-rows, 0.05), 0.0)  # one metre over a level camera
+    depth = np.broadcast_to(np.round(ceiling * 1000), (240, 320)).clip(0, 20_000).astype(np.uint16)
+    assert find_floor(DepthImage(0.0, depth, 0.001), lens) is None
