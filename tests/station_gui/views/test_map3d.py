@@ -53,6 +53,7 @@ def test_the_scene_is_in_the_picture_of_the_window(scene):
 
 def test_an_unchanged_scene_is_not_rendered_again(scene, qapp, monkeypatch):
     qapp.processEvents()
+    scene.map3d.canvas.repaint()  # a busy display may not have asked for it yet
     rendered = []
     monkeypatch.setattr(scene.map3d.canvas, "paint", lambda **_: rendered.append(1))
     scene.map3d.canvas.repaint()
