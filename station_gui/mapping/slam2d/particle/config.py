@@ -7,9 +7,9 @@ on the first part of FR079.
 Weights. The beams of a scan hang on the same few walls and the same errors of the map, and so do the next scans:
 counted as independent they let one step decide (the logarithms of 30 particles' factors differ by 5 nats in a step on
 FR079, by 3 on Intel and in simulation), and differences between particles come back in the next steps (their sum of
-autocorrelations is about 2 steps on FR079, 10 to 25 on Intel, 16 in simulated corridors). GMapping divides the logarithm by
-three times the number of particles, 90 for 30 particles, and every step counts. Here one beam in a hundred counts. With
-0.0005 there was not one resampling on FR079; with 0.01 there are 53 in 3600 steps there and 27 on Intel, and the mean
+autocorrelations is about 2 steps on FR079, 10 to 25 on Intel, 16 in simulated corridors). GMapping divides the
+logarithm by three times the number of particles, 90 for 30 of them. Here one beam in a hundred counts. With 0.0005
+there was not one resampling on FR079; with 0.01 there are 53 in 3600 steps there and 27 on Intel, and the mean
 effective number is 0.8 of the particles. With 0.1 they were resampled once a metre in simulated corridors, more than
 diversity stands.
 

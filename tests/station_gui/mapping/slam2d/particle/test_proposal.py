@@ -106,3 +106,23 @@ def test_a_wrong_prediction_is_searched_for(lab: FloatArray, scan_from: ScanMake
     maps, scan = _known_room(lab, scan_from)
     match = Proposer(ProposalConfig(), maps).track(0, scan, _POSE + np.array([0.4, -0.3, 0.25]), 10 * _SIGMA)
     np.testing.assert_allclose(match.pose, _POSE, atol=0.01)
+
+
+def test_a_draw_from_the_motion_model_is_taken_where_the_map_fits_better_there(
+    lab: FloatArray, scan_from: ScanMaker
+) -> None:
+    maps, scan = _known_room(lab, scan_from)
+    proposer = Proposer(ProposalConfig(), maps)
+    far, near = _POSE + np.array([0.8, 0.6, 0.5]), _POSE + np.array([0.03, 0.02, 0.01])
+    for start, drawn in ((far, near), (near, far)):
+        proposed = proposer.propose(0, scan, start, start, _SIGMA, np.zeros(3), drawn)
+        assert proposed.matched
+        np.testing.assert_allclose(proposed.pose, _POSE, atol=0.01)
+
+
+def test_the_best_match_may_mislead_where_odometry_is_vague_or_says_otherwise() -> None:
+    proposer = Proposer(ProposalConfig(), BlockMaps(BlockMapConfig(max_places=10, max_blocks=10), 1))
+    sigma = proposer.odometry_sigma(np.array([0.1, 0.0, 0.0]))
+    assert not proposer.may_mislead(2.0 * sigma, sigma)
+    assert proposer.may_mislead(4.0 * sigma, sigma)
+    assert proposer.may_mislead(np.zeros(3), proposer.odometry_sigma(np.array([3.0, 0.0, 0.0])))
