@@ -25,3 +25,7 @@ def test_children_begin_as_their_parents() -> None:
     deviates.adopt(np.array([2, 2, 0]))
     kept = deviates.draw(np.random.default_rng(0), np.zeros(3))
     np.testing.assert_array_equal(kept, drawn[[2, 2, 0]])
+
+
+def test_a_particle_that_is_alone_draws_nothing() -> None:
+    assert not Deviates(1, alike_m=3.0).draw(np.random.default_rng(0), np.array([1.0, 0.0, 0.0])).any()

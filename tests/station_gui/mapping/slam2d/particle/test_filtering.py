@@ -16,17 +16,15 @@ from station_gui.mapping.slam2d.particle.closing.config import BendConfig, Searc
 from station_gui.mapping.slam2d.particle.closing.loop_closer import ClosingConfig
 from station_gui.mapping.slam2d.particle.config import ParticleSlamConfig
 from station_gui.mapping.slam2d.particle.particle_slam import ParticleSlam
-from station_gui.mapping.slam2d.particle.proposal.proposer import ProposalConfig
 
 FloatArray = NDArray[np.float64]
 ScanMaker = Callable[..., PointScan]
 _CLOSING_OFF = ClosingConfig(search=SearchConfig(max_candidates=0), bend=BendConfig(reach_m=math.inf))
 
 
-def _run(scans: list[PointScan], particles: int, seed: int, spread: float = 1.0) -> ParticleSlam:
+def _run(scans: list[PointScan], particles: int, seed: int) -> ParticleSlam:
     maps = BlockMapConfig(max_places=16_000, max_blocks=60_000)
-    proposal = ProposalConfig(spread=spread)
-    config = ParticleSlamConfig(particles=particles, maps=maps, proposal=proposal, closing=_CLOSING_OFF)
+    config = ParticleSlamConfig(particles=particles, maps=maps, closing=_CLOSING_OFF)
     slam = ParticleSlam(config, np.random.default_rng(seed))
     for scan in scans:
         slam.add(scan)
@@ -100,7 +98,7 @@ def test_thirty_particles_drift_less_than_one_that_takes_each_match_and_are_resa
     scan_from: ScanMaker,
 ) -> None:
     scans, way = _ring(scan_from)
-    one_m = _rms_m(_run(scans, 1, 0, spread=0.0), way)
+    one_m = _rms_m(_run(scans, 1, 0), way)
     slams = [_run(scans, 30, seed) for seed in range(2)]
     assert np.mean([_rms_m(slam, way) for slam in slams]) < 0.9 * one_m
     for slam in slams:
