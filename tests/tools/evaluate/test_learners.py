@@ -41,7 +41,7 @@ def test_all_learners_are_compared_at_one_number_of_nodes(monkeypatch, capsys, b
 
 
 def test_frames_with_too_few_samples_are_named(monkeypatch, capsys, boxes) -> None:
-    assert run(monkeypatch, "learners", str(boxes), "--nodes", "900") == 1
+    assert run(monkeypatch, "learners", str(boxes), "--nodes", "180") == 1
     assert "boxes.png" in capsys.readouterr().err
 
 
