@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from shared.geometry.se2 import Pose2
 from station_gui.mapping.saved_map import SavedMap
 from station_gui.mapping.scan import PointScan
-from station_gui.mapping.slam2d.base import Admits, MappingError, admit_all
+from station_gui.mapping.slam2d.base import Admits, admit_all
 from station_gui.mapping.slam2d.config import GraphSlamConfig
 from station_gui.mapping.slam2d.graph.loop_closure import LoopCloser, edge_information
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
@@ -24,8 +24,9 @@ from station_gui.mapping.slam2d.graph.stored import fill, to_saved
 from station_gui.mapping.slam2d.graph.upkeep import GraphUpkeep
 from station_gui.mapping.slam2d.grid.following_grid import FollowingGrid
 from station_gui.mapping.slam2d.keyframes import Keyframe, Placed
+from station_gui.mapping.slam2d.lines import lines_of
 from station_gui.mapping.slam2d.local_map_builder import LocalMapBuilder
-from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, Match, ScanMatcher, to_lines
+from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, Match, ScanMatcher
 from station_gui.mapping.slam2d.motion import MotionModel, Prediction
 from station_gui.mapping.slam2d.rehearsal import rehearse
 from station_gui.mapping.slam2d.se2_arrays import between, compose
@@ -67,7 +68,7 @@ class GraphSlam:
 
     def add(self, scan: PointScan) -> Pose2:
         """See `Slam.add`. Raises MappingError for a scan that holds anything but finite numbers."""
-        lines = self._lines(scan)
+        lines = lines_of(scan, self._config.normals)
         if not self._keyframes:
             self._begin(scan, lines)
         else:
@@ -115,7 +116,7 @@ class GraphSlam:
 
     def resume(self, scan: PointScan, map_from_robot: Pose2) -> Pose2:
         """As `add`, for a robot that somebody else has found to be at this place of the map."""
-        lines = self._lines(scan)
+        lines = lines_of(scan, self._config.normals)
         pose = map_from_robot.as_array()
         away_m = np.hypot(*(self._graph.poses[:, :2] - pose[:2]).T)
         near = int(np.argmin(away_m))
@@ -160,11 +161,6 @@ class GraphSlam:
     def _found_information(self) -> NDArray[np.float64]:
         config = self._config.pose_graph
         return np.diag(1.0 / np.square([config.found_shift_sigma_m] * 2 + [config.found_turn_sigma_rad]))
-
-    def _lines(self, scan: PointScan) -> LineScan:
-        if not (np.isfinite(scan.points_m).all() and np.isfinite(scan.odom_from_robot.as_array()).all()):
-            raise MappingError(f"the scan at {scan.stamp_s:.3f} s holds numbers that are not finite")
-        return to_lines(scan.points_m, scan.origin_m, self._config.normals)
 
     def _added(self, scan: PointScan) -> Pose2:
         self._odometry = scan.odom_from_robot

@@ -49,15 +49,6 @@ def node_chances(near: F32, weight: F32, b: int, min_m: float, max_m: float, bet
 
 
 @njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
-def place_of(point_m: F32, i: int, axis: int, curve: int, curve_detail: F32, apart_m: float) -> float:
-    """A coordinate of where the network learns point i of a curve: the same place when curves are not to lie apart."""
-    place: float = point_m[i, axis]
-    if apart_m > 0.0:
-        place = place * curve_detail[curve] + (apart_m * curve if axis == 0 else 0.0)
-    return place
-
-
-@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
 def lay_out_samples(
     sample_m: F32,
     sample_weight: F32,

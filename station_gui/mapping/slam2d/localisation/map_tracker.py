@@ -16,8 +16,9 @@ from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
 from station_gui.mapping.slam2d.graph.stored import fill
 from station_gui.mapping.slam2d.grid.occupancy_grid import OccupancyGrid
 from station_gui.mapping.slam2d.keyframes import Keyframe, Placed
+from station_gui.mapping.slam2d.lines import lines_of
 from station_gui.mapping.slam2d.local_map_builder import LocalMapBuilder
-from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, ScanMatcher, to_lines
+from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, ScanMatcher
 from station_gui.mapping.slam2d.se2_arrays import between, compose
 from station_gui.mapping.snapshot import GridMap
 
@@ -59,7 +60,7 @@ class MapTracker:
         return self._saved
 
     def resume(self, scan: PointScan, map_from_robot: Pose2) -> Pose2:
-        lines = self._lines(scan)
+        lines = lines_of(scan, self._config.normals)
         self._pose = map_from_robot.as_array()
         self._begin_window()
         while not self._window.step():
@@ -71,7 +72,7 @@ class MapTracker:
         return self._added(scan)
 
     def add(self, scan: PointScan) -> Pose2:
-        lines = self._lines(scan)
+        lines = lines_of(scan, self._config.normals)
         motion = (self._odometry.inverse() @ scan.odom_from_robot).as_array()
         believed = self._correct(lines, motion)
         if believed or len(lines.points_m) >= self._config.match.min_points:
@@ -102,11 +103,6 @@ class MapTracker:
         self._pose = match.pose
         self._fit = match.share
         return True
-
-    def _lines(self, scan: PointScan) -> LineScan:
-        if not (np.isfinite(scan.points_m).all() and np.isfinite(scan.odom_from_robot.as_array()).all()):
-            raise MappingError(f"the scan at {scan.stamp_s:.3f} s holds numbers that are not finite")
-        return to_lines(scan.points_m, scan.origin_m, self._config.normals)
 
     def _nearest_node(self) -> int:
         return int(np.argmin(np.hypot(*(self._graph.poses[:, :2] - self._pose[:2]).T)))

@@ -21,10 +21,11 @@ from numpy.typing import NDArray
 from shared.geometry.se2 import Pose2
 from station_gui.mapping.saved_map import SavedMap
 from station_gui.mapping.scan import PointScan
-from station_gui.mapping.slam2d.base import Admits, MappingError, admit_all
+from station_gui.mapping.slam2d.base import Admits, admit_all
 from station_gui.mapping.slam2d.grid.following_grid import FollowingGrid
 from station_gui.mapping.slam2d.keyframes import Keyframe, Placed
-from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, to_lines
+from station_gui.mapping.slam2d.lines import lines_of
+from station_gui.mapping.slam2d.matching.scan_matcher import LineScan
 from station_gui.mapping.slam2d.particle.ancestry import Ancestry
 from station_gui.mapping.slam2d.particle.blocks.block_maps import BlockMaps
 from station_gui.mapping.slam2d.particle.closing.loop_closer import LoopCloser
@@ -78,7 +79,7 @@ class ParticleSlam:
 
     def add(self, scan: PointScan) -> Pose2:
         """See `Slam.add`. Raises MappingError for a scan that holds anything but finite numbers."""
-        lines = self._lines(scan)
+        lines = lines_of(scan, self._config.normals, self._config.proposal.max_range_m)
         if not any(self._in_map):
             self._begin(scan, lines)
         else:
@@ -106,7 +107,7 @@ class ParticleSlam:
 
     def resume(self, scan: PointScan, map_from_robot: Pose2) -> Pose2:
         """As `add`, for a robot that somebody else has found to be at this place of the map."""
-        lines = self._lines(scan)
+        lines = lines_of(scan, self._config.normals, self._config.proposal.max_range_m)
         self._poses[:] = map_from_robot.as_array()
         self._lost_scans = 0
         self._breaks[len(self._steps)] = "found"
@@ -149,12 +150,6 @@ class ParticleSlam:
     def keyframes(self) -> Sequence[Keyframe]:
         """In the order of `trajectory()`."""
         return self._steps
-
-    def _lines(self, scan: PointScan) -> LineScan:
-        if not (np.isfinite(scan.points_m).all() and np.isfinite(scan.odom_from_robot.as_array()).all()):
-            raise MappingError(f"the scan at {scan.stamp_s:.3f} s holds numbers that are not finite")
-        near = np.abs(scan.points_m).max(axis=1, initial=0.0) <= self._config.proposal.max_range_m
-        return to_lines(scan.points_m[near], scan.origin_m, self._config.normals)
 
     def _added(self, scan: PointScan) -> Pose2:
         self._odometry = scan.odom_from_robot
