@@ -6,7 +6,8 @@ import argparse
 import sys
 
 from shared.command_line import Parser, run, set_up_logging
-from tools.evaluate import codec, extraction, extraction_tables, kidnap, lateness, learners, link, mission, slam, urg
+from tools.evaluate import codec, kidnap, link, mission, slam, urg
+from tools.evaluate.depth import extraction, lateness, learners, tables
 from tools.logs.base import LogError
 
 _COMMANDS = {
@@ -15,7 +16,7 @@ _COMMANDS = {
     "urg": (urg, "walls and revisits of the map of a log without a ground truth"),
     "kidnap": (kidnap, "finding a robot that was put down anywhere in a saved map"),
     "extraction": (extraction, "3D object extraction on depth images"),
-    "tables": (extraction_tables, "writes tables 2 and 4, measured, into docs/extraction.md"),
+    "tables": (tables, "writes tables 2 and 4, measured, into docs/extraction.md"),
     "learners": (learners, "the three learners side by side (table 2)"),
     "codec": (codec, "what observations cost in profile COMPACT, and in other packings"),
     "link": (link, "what Wi-Fi and LoRa carry, with losses, failures and cuts"),

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from shared.messages import ObjectNetwork
-from tools.evaluate.extraction_stability import compare
-from tools.evaluate.extraction_tables import replace_between
+from tools.evaluate.depth.stability import compare
+from tools.evaluate.depth.tables import replace_between
 
-DOCUMENT = Path(__file__).resolve().parents[3] / "docs" / "extraction.md"
+DOCUMENT = Path(__file__).resolve().parents[4] / "docs" / "extraction.md"
 NODES_M = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
 RING = np.array([[0, 1], [1, 2], [2, 3], [0, 3]], np.uint16)
 

@@ -7,7 +7,7 @@ import pytest
 
 from robot_app.drivers.base import DepthImage
 from shared.geometry.camera import Intrinsics
-from tools.evaluate.extraction_labels import (
+from tools.evaluate.depth.labels import (
     compare_with_labels,
     object_of,
     occluding_boundary,

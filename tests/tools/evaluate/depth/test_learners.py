@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from tools.evaluate import __main__ as evaluate
-from tools.evaluate.lateness import Metronome
+from tools.evaluate.depth.lateness import Metronome
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from robot_app.perception.identity.tracker import ObjectTracker
 from robot_app.perception.object_extractor import ObjectExtractor
 from shared.geometry.se2 import Pose2
 from shared.messages import ObjectNetwork
-from tools.evaluate.lab_frames import lab_camera, lab_frames
+from tools.evaluate.depth.lab_frames import lab_camera, lab_frames
 
 _SAME_M = 0.05  # a node of the next frame so near is the same
 

@@ -16,7 +16,7 @@ from robot_app.perception.object_extractor import clusters
 from robot_app.perception.point_cloud import Mount
 from shared.geometry.camera import Intrinsics
 from shared.messages import ObjectNetwork
-from tools.evaluate.extraction_labels import cloud_m
+from tools.evaluate.depth.labels import cloud_m
 
 FloatArray = NDArray[np.float64]
 

@@ -14,12 +14,12 @@ from robot_app.perception.object_extractor import ObjectExtractor
 from robot_app.perception.point_cloud import Mount
 from shared.geometry.camera import Intrinsics
 from shared.messages import ObjectNetwork
-from tools.evaluate import learners
-from tools.evaluate.depth_files import DepthFileError, read_depth
-from tools.evaluate.extraction import Row, compare_labels, intrinsics_of, measure, mount_of, overall_of
-from tools.evaluate.extraction_pictures import draw
-from tools.evaluate.extraction_stability import measure_stability
-from tools.evaluate.lab_frames import lab_camera, lab_frames
+from tools.evaluate.depth import learners
+from tools.evaluate.depth.extraction import Row, compare_labels, intrinsics_of, measure, mount_of, overall_of
+from tools.evaluate.depth.files import DepthFileError, read_depth
+from tools.evaluate.depth.lab_frames import lab_camera, lab_frames
+from tools.evaluate.depth.pictures import draw
+from tools.evaluate.depth.stability import measure_stability
 
 _KINECT_STEP = 96  # of the frames' numbers: ten of the sequence's first 960
 _PAPER_TABLE_2 = (

@@ -26,11 +26,11 @@ from robot_app.perception.object_extractor import ObjectExtractor, clusters
 from robot_app.perception.point_cloud import Mount
 from shared.geometry.camera import CameraMount, Intrinsics
 from shared.messages import ObjectNetwork
-from tools.evaluate._kernels import back_project, back_project_tabled
-from tools.evaluate.depth_files import DepthFileError, read_depth
-from tools.evaluate.extraction_floor import find_floor
-from tools.evaluate.extraction_labels import LabelFigures, compare_with_labels
-from tools.evaluate.extraction_pictures import draw
+from tools.evaluate.depth._kernels import back_project, back_project_tabled
+from tools.evaluate.depth.files import DepthFileError, read_depth
+from tools.evaluate.depth.floor import find_floor
+from tools.evaluate.depth.labels import LabelFigures, compare_with_labels
+from tools.evaluate.depth.pictures import draw
 
 _RUNS = 20
 _LEAST_PX, _MOST_PX = 1.0, 100_000.0  # of a lens

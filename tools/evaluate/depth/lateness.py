@@ -22,9 +22,9 @@ from robot_app.run import SWITCH_INTERVAL_S
 from shared.command_line import number_in, whole_number_in
 from shared.runtime.clock import MonotonicClock
 from shared.runtime.runner import Row, Task, ThreadRunner
-from tools.evaluate.depth_files import DepthFileError, read_depth
-from tools.evaluate.extraction import intrinsics_of, mount_of
-from tools.evaluate.lab_frames import lab_camera, lab_frames
+from tools.evaluate.depth.extraction import intrinsics_of, mount_of
+from tools.evaluate.depth.files import DepthFileError, read_depth
+from tools.evaluate.depth.lab_frames import lab_camera, lab_frames
 
 _SETTLE_TICKS = 20
 _FIRST_LATE_S = 0.0005  # by so much the first call itself may have been late

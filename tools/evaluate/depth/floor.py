@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from robot_app.drivers.base import DepthImage
 from shared.geometry.camera import Intrinsics
-from tools.evaluate.extraction_labels import cloud_m
+from tools.evaluate.depth.labels import cloud_m
 
 
 @dataclass(frozen=True, slots=True, eq=False)

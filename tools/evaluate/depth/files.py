@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from robot_app.drivers.base import DepthImage
-from tools.evaluate.pcd import OrganisedCloud, parse_pcd
+from tools.evaluate.depth.pcd import OrganisedCloud, parse_pcd
 
 PNG_UNIT_M = 0.001
 FINE_UNIT_M = 0.00025  # the L515's

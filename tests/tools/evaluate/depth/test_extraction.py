@@ -19,13 +19,13 @@ from PIL import Image
 
 from robot_app.drivers.base import DepthImage
 from shared.geometry.camera import Intrinsics
-from tools.evaluate import extraction
-from tools.evaluate._kernels import back_project, back_project_tabled
-from tools.evaluate.depth_files import DepthFileError, read_depth
-from tools.evaluate.extraction_floor import find_floor
-from tools.evaluate.pcd import decompress_lzf
+from tools.evaluate.depth import extraction
+from tools.evaluate.depth._kernels import back_project, back_project_tabled
+from tools.evaluate.depth.files import DepthFileError, read_depth
+from tools.evaluate.depth.floor import find_floor
+from tools.evaluate.depth.pcd import decompress_lzf
 
-CLOUDS = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "depth" / "labelled_tabletop"
+CLOUDS = Path(__file__).resolve().parents[4] / ".." / "shared" / "data" / "depth" / "labelled_tabletop"
 
 
 def box_depth_m() -> np.ndarray:

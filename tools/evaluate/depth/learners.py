@@ -22,9 +22,9 @@ from robot_app.perception.point_cloud import EdgeCloud, Mount
 from robot_app.perception.simplified_fast_gng import SimplifiedFastGng
 from shared.command_line import whole_number_in
 from shared.geometry.camera import Intrinsics
-from tools.evaluate.depth_files import DepthFileError, read_depth
-from tools.evaluate.extraction import intrinsics_of, mount_of, parse_lens
-from tools.evaluate.lab_frames import lab_camera, lab_frames
+from tools.evaluate.depth.extraction import intrinsics_of, mount_of, parse_lens
+from tools.evaluate.depth.files import DepthFileError, read_depth
+from tools.evaluate.depth.lab_frames import lab_camera, lab_frames
 
 _ROOM = 200  # nodes, as in the robot
 _TRIALS = 9
