@@ -20,7 +20,7 @@ from shared.command_line import EXIT_FAILED, EXIT_OK, existing_file, seed
 from shared.messages import Observation
 from shared.protocol.compact.decoder import Decoder
 from shared.protocol.compact.encoder import Encoder
-from tools.evaluate.codec import recorded, thinned
+from tools.evaluate.link.codec import recorded, thinned
 from tools.logs.urg import UrgReader
 
 _REMEMBERED = 300

@@ -15,7 +15,7 @@ from shared.messages import Observation
 from shared.protocol.compact.encoder import Encoder
 from shared.protocol.compact.model import WEIGHT_SHIFT, Model
 from shared.protocol.compact.state import State
-from tools.evaluate.codec import recorded, thinned
+from tools.evaluate.link.codec import recorded, thinned
 from tools.logs.urg import UrgReader
 
 _ROUNDS = 2

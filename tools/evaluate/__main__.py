@@ -6,8 +6,9 @@ import argparse
 import sys
 
 from shared.command_line import Parser, run, set_up_logging
-from tools.evaluate import codec, kidnap, link, mission, slam, urg
+from tools.evaluate import kidnap, mission, slam, urg
 from tools.evaluate.depth import extraction, lateness, learners, tables
+from tools.evaluate.link import air, codec
 from tools.logs.base import LogError
 
 _COMMANDS = {
@@ -19,7 +20,7 @@ _COMMANDS = {
     "tables": (tables, "writes tables 2 and 4, measured, into docs/extraction.md"),
     "learners": (learners, "the three learners side by side (table 2)"),
     "codec": (codec, "what observations cost in profile COMPACT, and in other packings"),
-    "link": (link, "what Wi-Fi and LoRa carry, with losses, failures and cuts"),
+    "link": (air, "what Wi-Fi and LoRa carry, with losses, failures and cuts"),
     "lateness": (lateness, "by how much the extraction delays the robot's 100 Hz task"),
 }
 

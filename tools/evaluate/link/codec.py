@@ -25,7 +25,7 @@ from shared.protocol.compact.decoder import Decoder
 from shared.protocol.compact.encoder import DETAILS, Encoder
 from shared.recording import MissionReader
 from station_gui.config import load_config as load_station
-from tools.evaluate.packings import PACKINGS, PAPER_LORA_BYTES, PAPER_WIFI_BYTES
+from tools.evaluate.link.packings import PACKINGS, PAPER_LORA_BYTES, PAPER_WIFI_BYTES
 from tools.logs.base import LogError
 from tools.logs.urg import UrgReader
 from tools.simulator.lockstep import run_mission

@@ -14,8 +14,8 @@ import numpy as np
 from shared.command_line import EXIT_FAILED, EXIT_OK
 from shared.link.es920lr.airtime import PAUSE_S, airtime_s, carrier_sense_s, packets_per_s
 from shared.link.radio_pair.config import PairConfig
-from tools.evaluate.link_cut import CutFigures, measure_cuts
-from tools.evaluate.link_traffic import Traffic
+from tools.evaluate.link.cut import CutFigures, measure_cuts
+from tools.evaluate.link.traffic import Traffic
 from tools.simulator.radio.loss import Bursts, Independent, LossModel
 from tools.simulator.radio.pair_rig import PairRig, link_settings
 

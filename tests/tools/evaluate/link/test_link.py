@@ -7,8 +7,8 @@ import pytest
 
 from shared.link.radio_pair.config import PairConfig
 from tools.evaluate import __main__ as evaluate
-from tools.evaluate.link import SCENARIOS, measure
-from tools.evaluate.link_cut import measure_cuts
+from tools.evaluate.link.air import SCENARIOS, measure
+from tools.evaluate.link.cut import measure_cuts
 
 
 @pytest.mark.parametrize("name", [name for name in SCENARIOS if name != "cut"])

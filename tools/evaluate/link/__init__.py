@@ -1,0 +1,1 @@
+"""What the link carries and what observations cost on it."""
