@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
@@ -35,15 +35,37 @@ class GridMap:
 class ObjectKind(IntEnum):
     LARGE = 0  # walls and large objects: red in the paper
     SMALL = 1  # blue
+    FLAT = 2  # known from the 2D map alone, its height is assumed: panels only
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Panels:
+    """Flat pieces of surface: `corners_m` (P, 4, 3) float32, map frame, in order round each piece.
+
+    `kind`: (P,) uint8, of `ObjectKind`. `cluster`: (P,) int32, the object that each belongs to, -1 for `FLAT` ones.
+    """
+
+    corners_m: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 4, 3), np.float32))
+    kind: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
+    cluster: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
+
+    def triangles_m(self) -> NDArray[np.float32]:
+        """(2 P, 3, 3): two for each piece, one after the other."""
+        return np.ascontiguousarray(self.corners_m[:, [0, 1, 2, 0, 2, 3]]).reshape(-1, 3, 3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObjectMap:
-    """The 3D objects, placed: `segments_m` (S, 2, 3) float32, map frame, `kind` (S,) uint8, `cluster` (S,) int32."""
+    """The 3D objects, placed: their edges, each once, and their surfaces as far as they are known.
+
+    `segments_m`: (S, 2, 3) float32, map frame. `kind`: (S,) uint8, of `ObjectKind`, never `FLAT`. `cluster`: (S,)
+    int32, the object that each belongs to, counted from 0.
+    """
 
     segments_m: NDArray[np.float32]
     kind: NDArray[np.uint8]
     cluster: NDArray[np.int32]
+    panels: Panels = field(default_factory=Panels)
 
 
 class Tracking(IntEnum):
