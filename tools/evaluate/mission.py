@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--robot", metavar="FILE", type=Path, help="robot.toml instead of the one that comes along")
     parser.add_argument("--station", metavar="FILE", type=Path, help="station.toml instead of the one that comes along")
-    parser.add_argument("--out", metavar="DIR", type=Path, help="write map2d.png and mission.mcap here")
+    parser.add_argument("--out", metavar="DIR", type=Path, help="write map2d.png, mission.mcap and truth/ here")
     parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
 
 

@@ -90,10 +90,12 @@ class Lockstep:
         self.app.shut_down()
         self.station.close()
 
-    def truth(self) -> RecordedTruth:
-        with tempfile.TemporaryDirectory() as folder:
-            write_truth(self.world, Path(folder))
-            return read_truth(Path(folder))
+    def truth(self, kept: Path | None = None) -> RecordedTruth:
+        """As it is read back from its files, which stay in the folder `kept`, where that is given."""
+        with tempfile.TemporaryDirectory() as passing:
+            folder = kept if kept is not None else Path(passing)
+            write_truth(self.world, folder)
+            return read_truth(folder)
 
     def _operate(self) -> None:
         self._operator()
@@ -165,7 +167,7 @@ def run_mission(
     progress: Callable[[float], None],
     recording: Path | None = None,
 ) -> MissionResult:
-    """The demo's mission; `progress` is told the simulated seconds now and then.
+    """The demo's mission; `progress` is told the simulated seconds now and then. The truth is kept beside a recording.
 
     Raises `RuntimeError` when a task of the robot or of the station failed: in a mission without faults that is a bug.
     """
@@ -183,4 +185,5 @@ def run_mission(
     outcome = director.outcome or Outcome(f"not finished after {_LONGEST_S:.0f} s", 0.0, system.clock.now_s())
     snapshot = system.station.finish_mapping()
     bias_dps = math.degrees(float(system.imu.gyro_bias_radps[2]))
-    return MissionResult(system.truth(), snapshot, system.station.figures, outcome, system.slip.figures(), bias_dps)
+    truth = system.truth(recording.parent / "truth" if recording is not None else None)
+    return MissionResult(truth, snapshot, system.station.figures, outcome, system.slip.figures(), bias_dps)

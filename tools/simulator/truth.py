@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.config import parse
 from shared.geometry.se2 import Pose2
-from tools.simulator.scenario import Scenario, Start
+from tools.simulator.scenario import Scenario
 from tools.simulator.solids import Solid, solids_of
 from tools.simulator.world import World
 from tools.tum import write_tum
@@ -95,15 +96,13 @@ def _report(world: World) -> dict[str, Any]:
     return {
         "scenario": scenario.name,
         "seed": world.seed,
-        "start": asdict(scenario.start),
         "simulated_s": world.elapsed_s,
         "slipped_s": world.slipped_s,
         "distance_m": world.truth.distance_m,
         "collisions": world.collisions.count,
         "collision_list": [asdict(collision) for collision in world.collisions.recorded],
-        "scanner_height_m": scenario.car.scanner_z_m,
-        "surfaces_m": true_surfaces(scenario).segments_m.round(6).tolist(),
         "boxes": [asdict(solid) for solid in solids_of(scenario)],
+        "layout": asdict(scenario),
     }
 
 
@@ -111,6 +110,7 @@ def _report(world: World) -> dict[str, Any]:
 class RecordedTruth:
     """What `write_truth` left: `poses` (N, 4) as of `Track.poses`."""
 
+    scenario: Scenario
     poses: NDArray[np.float64]
     surfaces: TrueSurfaces
     collisions: int
@@ -120,11 +120,9 @@ class RecordedTruth:
 
 def read_truth(folder: Path) -> RecordedTruth:
     report = json.loads((folder / SIMULATION_FILE).read_text("utf-8"))
-    start = Start(tuple(report["start"]["position_m"]), report["start"]["heading_deg"])
-    surfaces = TrueSurfaces(
-        np.array(report["surfaces_m"]).reshape(-1, 2, 2), start.room_from_robot, report["scanner_height_m"]
-    )
+    scenario = parse(report["layout"], Scenario)
     rows = np.loadtxt(folder / TRUTH_FILE, ndmin=2)
     theta = 2 * np.arctan2(rows[:, 6], rows[:, 7])
     poses = np.column_stack((rows[:, :3], (theta + np.pi) % (2 * np.pi) - np.pi))
-    return RecordedTruth(poses, surfaces, report["collisions"], report["distance_m"], report["slipped_s"])
+    surfaces = true_surfaces(scenario)
+    return RecordedTruth(scenario, poses, surfaces, report["collisions"], report["distance_m"], report["slipped_s"])
