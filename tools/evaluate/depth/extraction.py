@@ -37,6 +37,7 @@ _LEAST_PX, _MOST_PX = 1.0, 100_000.0  # of a lens
 _KINECT_PX = (585.0, 585.0, 320.0, 240.0)  # of the 7-Scenes sequences
 _L515_FOV_RAD = (math.radians(70), math.radians(50))
 _ROBOT_MOUNT = CameraMount(0.28, 0.17, 0.0)
+_NOWHERE_M = 100.0  # so high that nothing in view is near the floor
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,11 +46,12 @@ class Figures:
 
     Times are medians of 20 warm runs: `learn_ms` steps 2-7, `total_ms` everything from the depth image to the network,
     `floor_ms` only reading every pixel and writing its point by the camera's equations, `floor_tabled_ms` the same with
-    the slopes of all columns and rows worked out beforehand, as our own code has them. The shares are those of
-    `extraction_labels`.
+    the slopes of all columns and rows worked out beforehand, as our own code has them. `camera_height_m`: over what was
+    taken for the floor and is not drawn; None when nothing was. The shares are those of `labels`.
     """
 
     file: str
+    camera_height_m: float | None
     points: int
     nodes: int
     connections: int
@@ -103,20 +105,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Exit code 2 when a file cannot be read."""
+    """Exit code 2 when a file cannot be read; the others are measured all the same."""
     rows = []
+    refused = 0
     for path in args.files:
         try:
             rows.append(_evaluate(path, args))
         except DepthFileError as error:
+            refused = 2
             print(error, file=sys.stderr)
-            return 2
+    if not rows:
+        return refused
     overall = overall_of(rows)
     if args.json:
         print(json.dumps({"files": [asdict(row.figures) for row in rows], "overall": asdict(overall)}))
     else:
         _print_table([*(row.figures for row in rows), overall])
-    return 0
+    return refused
 
 
 def parse_lens(text: str) -> tuple[float, ...]:
@@ -142,7 +147,7 @@ def _evaluate(path: Path, args: argparse.Namespace) -> Row:
         args.picture.mkdir(parents=True, exist_ok=True)
         draw(file.image, objects, intrinsics, mount).save(args.picture / f"{path.name}.png")
     labels = None if file.labels is None else compare_labels(file.image, file.labels, objects, intrinsics, mount)
-    return measure(path.name, extractor, file.image, objects, intrinsics, labels)
+    return measure(path.name, extractor, file.image, objects, intrinsics, mount, labels)
 
 
 def extractor_with(name: str, intrinsics: Intrinsics, mount: Mount) -> ObjectExtractor:
@@ -166,7 +171,7 @@ def compare_labels(
 
 def intrinsics_of(path: Path, image: DepthImage, lens_px: tuple[float, ...] | None) -> Intrinsics:
     height, width = image.depth.shape
-    if lens_px is None and path.suffix == ".png":
+    if lens_px is None and path.suffix.lower() == ".png":
         lens_px = _KINECT_PX
     if lens_px is None:
         return Intrinsics.from_field_of_view(width, height, *_L515_FOV_RAD)
@@ -176,8 +181,14 @@ def intrinsics_of(path: Path, image: DepthImage, lens_px: tuple[float, ...] | No
 def mount_of(choice: str, image: DepthImage, intrinsics: Intrinsics) -> Mount:
     if choice == "robot":
         return _ROBOT_MOUNT
-    nowhere = CameraMount(0.0, 100.0, 0.0)
+    nowhere = CameraMount(0.0, _NOWHERE_M, 0.0)
     return nowhere if choice == "none" else find_floor(image, intrinsics) or nowhere
+
+
+def camera_height_m(mount: Mount) -> float | None:
+    """None when the camera was not told of a floor."""
+    height_m = float(mount.robot_from_optical()[2, 3])
+    return None if height_m >= _NOWHERE_M else round(height_m, 3)
 
 
 def measure(
@@ -186,6 +197,7 @@ def measure(
     image: DepthImage,
     objects: ObjectNetwork,
     intrinsics: Intrinsics,
+    mount: Mount,
     labels: LabelFigures | None = None,
 ) -> Row:
     """The figures of `image`, of which `extractor` made `objects`."""
@@ -196,6 +208,7 @@ def measure(
     cloud_m = np.zeros((*image.depth.shape, 3), np.float32)
     figures = Figures(
         name,
+        camera_height_m(mount),
         extractor.cloud.points,
         len(objects.nodes_m),
         len(objects.edges),
@@ -235,6 +248,7 @@ def overall_of(rows: list[Row]) -> Figures:
     labels = [row.labels for row in rows if row.labels is not None]
     return Figures(
         "overall",
+        None,
         round(statistics.median(row.points for row in figures)),
         round(statistics.median(row.nodes for row in figures)),
         round(statistics.median(row.connections for row in figures)),

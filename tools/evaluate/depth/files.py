@@ -47,7 +47,7 @@ class DepthFileError(Exception):
 class DepthFile:
     """`lens_px` is what the file itself tells of the camera (fx, fy, cx, cy), None where it tells nothing.
 
-    `labels`: (H, W), those of `extraction_labels`; None where the file has none.
+    `labels`: (H, W), those of `labels`; None where the file has none.
     """
 
     image: DepthImage
@@ -68,18 +68,19 @@ def read_depth(path: Path) -> DepthFile:
 
 
 def _read(path: Path) -> DepthFile:
-    if path.suffix == ".png":
+    name = path.name.lower()
+    if name.endswith(".png"):
         return DepthFile(_read_png(path))
-    if path.name.endswith((".npy", ".npy.gz")):
+    if name.endswith((".npy", ".npy.gz")):
         return DepthFile(_read_npy(path))
-    if path.name.endswith((".pcd", ".pcd.gz")):
+    if name.endswith((".pcd", ".pcd.gz")):
         return _from_cloud(parse_pcd(_unpacked(path)))
     raise ValueError("is neither .png, .npy, .npy.gz, .pcd nor .pcd.gz")
 
 
 def _unpacked(path: Path) -> bytes:
     data = path.read_bytes()
-    if path.suffix != ".gz":
+    if path.suffix.lower() != ".gz":
         return data
     reader = zlib.decompressobj(16 + zlib.MAX_WBITS)
     unpacked = reader.decompress(data, _MAX_BYTES)

@@ -26,8 +26,11 @@ from tools.evaluate.depth.extraction import intrinsics_of, mount_of, parse_lens
 from tools.evaluate.depth.files import DepthFileError, read_depth
 from tools.evaluate.depth.lab_frames import lab_camera, lab_frames
 
+_BATCHES = (1, 2, 4, 8)  # samples of FastGNG's mini-batch
 _ROOM = 200  # nodes, as in the robot
 _TRIALS = 9
+_SAMPLES_PER_NODE = 5  # the loops of equation 16 make 0.39 nodes a sample at the most, and FastGNG deletes some
+_MOST_HALVINGS = 3  # of the distances between the pixels that are looked at, and between samples
 _STANDARD, _FAST, _SIMPLIFIED, _SHIPPED = "standard GNG", "FastGNG", "simplified FastGNG", "simplified, with evidence"
 
 
@@ -75,8 +78,7 @@ def run(args: argparse.Namespace) -> int:
     skipped: list[str] = []
     try:
         for name, cloud in _clouds(args):
-            # The loops of equation 16 make 0.39 nodes a sample at the most.
-            if cloud.samples < 3 * args.nodes:
+            if cloud.samples < _SAMPLES_PER_NODE * args.nodes:
                 skipped.append(name)
                 continue
             rows.append(FileFigures(name, cloud.samples, _compare(cloud, args.nodes, args.runs)))
@@ -96,11 +98,56 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def compare_all(files: list[Path], lab: bool, nodes: int = 150, runs: int = 20) -> list[Figures]:
-    """The medians over the frames that have enough samples; empty without one. Raises DepthFileError."""
-    clouds = _clouds(argparse.Namespace(files=files, lab=lab, intrinsics=None))
-    rows = [FileFigures(name, c.samples, _compare(c, nodes, runs)) for name, c in clouds if c.samples >= 3 * nodes]
-    return _overall(rows) if rows else []
+def compare_all(files: list[Path], lab: bool, nodes: int = 150, runs: int = 20) -> tuple[int, list[Figures]]:
+    """How many frames have enough samples, and the medians over them. Raises DepthFileError."""
+    rows = [FileFigures(name, cloud.samples, _compare(cloud, nodes, runs)) for name, cloud in _rich(files, lab, nodes)]
+    return len(rows), _overall(rows) if rows else []
+
+
+@dataclass(frozen=True, slots=True)
+class BatchFigures:
+    """FastGNG with mini-batches of `batch` samples: medians over the frames; `times_as_slow`: as with one sample."""
+
+    batch: int
+    nodes: int
+    times_as_slow: float
+    node_error_mm: float
+    line_error_mm: float
+
+
+def compare_batches(files: list[Path], nodes: int = 150, runs: int = 20) -> list[BatchFigures]:
+    """What the size of FastGNG's mini-batch, which the paper does not give, costs and brings. Raises DepthFileError."""
+    clouds = [cloud for _, cloud in _rich(files, False, nodes)]
+    figures = {batch: [_with_batch(cloud, nodes, runs, batch) for cloud in clouds] for batch in _BATCHES}
+    alone_ms = [row.learn_ms for row in figures[1]]
+    return [
+        BatchFigures(
+            batch,
+            round(statistics.median(row.nodes for row in rows)),
+            round(statistics.median(row.learn_ms / ms for row, ms in zip(rows, alone_ms, strict=True)), 2),
+            round(statistics.median(row.node_error_mm for row in rows), 1),
+            round(statistics.median(row.line_error_mm for row in rows), 1),
+        )
+        for batch, rows in figures.items()
+    ]
+
+
+def _with_batch(cloud: EdgeCloud, nodes: int, runs: int, batch: int) -> Figures:
+    config = FastGngConfig(batch=batch)
+    learner, scale = _with_nodes(_FAST, cloud, nodes, config)
+    network = Network(_ROOM)
+    times_ms = []
+    for _ in range(runs):
+        began_s = time.perf_counter()
+        learner.learn(cloud, network)
+        times_ms.append(1e3 * (time.perf_counter() - began_s))
+    learn_ms = statistics.median(times_ms)
+    return _figures(_FAST, learner, scale, cloud, learn_ms, learn_ms)
+
+
+def _rich(files: list[Path], lab: bool, nodes: int) -> list[tuple[str, EdgeCloud]]:
+    clouds = _clouds(argparse.Namespace(files=files, lab=lab, intrinsics=None, nodes=nodes))
+    return [(name, cloud) for name, cloud in clouds if cloud.samples >= _SAMPLES_PER_NODE * nodes]
 
 
 def _clouds(args: argparse.Namespace) -> list[tuple[str, EdgeCloud]]:
@@ -109,18 +156,31 @@ def _clouds(args: argparse.Namespace) -> list[tuple[str, EdgeCloud]]:
         file = read_depth(path)
         intrinsics = intrinsics_of(path, file.image, args.intrinsics or file.lens_px)
         clouds.append(
-            (path.name, _cloud(path.name, file.image, intrinsics, mount_of("search", file.image, intrinsics)))
+            (
+                path.name,
+                _cloud(path.name, file.image, intrinsics, mount_of("search", file.image, intrinsics), args.nodes),
+            )
         )
     if args.lab:
         frames = enumerate(lab_frames())
-        clouds += [(f"lab view {k}", _cloud(f"lab view {k}", image, *lab_camera())) for k, image in frames]
+        clouds += [(f"lab view {k}", _cloud(f"lab view {k}", image, *lab_camera(), args.nodes)) for k, image in frames]
     return clouds
 
 
-def _cloud(name: str, image: DepthImage, intrinsics: Intrinsics, mount: Mount) -> EdgeCloud:
+def _cloud(name: str, image: DepthImage, intrinsics: Intrinsics, mount: Mount, nodes: int) -> EdgeCloud:
+    """Edges found and sampled as densely as so many nodes need: a bare view has few edges for the robot's own."""
+    edges = PerceptionConfig().edges
     try:
-        cloud = EdgeCloud(PerceptionConfig().edges, intrinsics, mount, np.random.default_rng(1))
-        cloud.update(image)
+        for halvings in range(_MOST_HALVINGS + 1):
+            denser = replace(
+                edges,
+                sample_spacing_m=edges.sample_spacing_m / 2**halvings,
+                stride_px=max(1, edges.stride_px // 2**halvings),
+            )
+            cloud = EdgeCloud(denser, intrinsics, mount, np.random.default_rng(1))
+            cloud.update(image)
+            if cloud.samples >= _SAMPLES_PER_NODE * nodes:
+                break
     except ValueError as error:
         raise DepthFileError(f"{name}: {error}") from error
     return cloud
@@ -130,7 +190,7 @@ def _compare(cloud: EdgeCloud, nodes: int, runs: int) -> list[Figures]:
     """All learners on one cloud, in turns, so that what slows the machine slows all of them."""
     learners: dict[str, tuple[Learner, float | None]] = {
         _STANDARD: (GrowingNeuralGas(GngConfig(nodes=nodes), np.random.default_rng(1)), None),
-        **{name: _with_nodes(name, cloud, nodes) for name in (_FAST, _SIMPLIFIED, _SHIPPED)},
+        **{name: _with_nodes(name, cloud, nodes, FastGngConfig()) for name in (_FAST, _SIMPLIFIED, _SHIPPED)},
     }
     network = Network(_ROOM)
     times_ms: dict[str, list[float]] = {name: [] for name in learners}
@@ -147,11 +207,11 @@ def _compare(cloud: EdgeCloud, nodes: int, runs: int) -> list[Figures]:
     ]
 
 
-def _make(name: str, scale: float) -> Learner:
+def _make(name: str, scale: float, fast: FastGngConfig) -> Learner:
     config = PerceptionConfig()
     learning = _scaled(config.learning, scale)
     if name == _FAST:
-        return FastGng(learning, FastGngConfig(), np.random.default_rng(1))
+        return FastGng(learning, fast, np.random.default_rng(1))
     return SimplifiedFastGng(learning, config.refine, config.edges.max_samples, evidence=name == _SHIPPED)
 
 
@@ -166,14 +226,14 @@ def _scaled(config: LearningConfig, scale: float) -> LearningConfig:
     )
 
 
-def _with_nodes(name: str, cloud: EdgeCloud, nodes: int) -> tuple[Learner, float]:
+def _with_nodes(name: str, cloud: EdgeCloud, nodes: int, fast: FastGngConfig) -> tuple[Learner, float]:
     """The learner whose lengths are such that it makes about `nodes`."""
     network = Network(_ROOM)
     low, high = 0.1, 6.0
     best_scale, best_off = 1.0, float("inf")
     for _ in range(14):
         scale = (low * high) ** 0.5
-        learner = _make(name, scale)
+        learner = _make(name, scale, fast)
         counts = []
         for _ in range(_TRIALS):  # FastGNG draws its samples: each network is another one
             learner.learn(cloud, network)
@@ -182,7 +242,7 @@ def _with_nodes(name: str, cloud: EdgeCloud, nodes: int) -> tuple[Learner, float
         if abs(off) < best_off:
             best_scale, best_off = scale, abs(off)
         low, high = (scale, high) if off > 0 else (low, scale)
-    return _make(name, best_scale), best_scale
+    return _make(name, best_scale, fast), best_scale
 
 
 def _figures(

@@ -55,6 +55,7 @@ def run(args: argparse.Namespace) -> int:
         text = args.document.read_text(encoding="utf-8")
         for name, table in (
             ("table 2", _table_2(args.data)),
+            ("batches", _batches(args.data)),
             ("table 4", _table_4(args.data, args.pictures)),
             ("stability", _stability()),
         ):
@@ -82,21 +83,34 @@ def _table_2(data: Path) -> list[str]:
     lines = ["| learner | nodes | connections | ms | times as fast | |", "|---|---|---|---|---|---|"]
     lines += [f"| {name} | {n} | {c} | {ms} | {fast} | paper, Pi |" for name, n, c, ms, fast in _PAPER_TABLE_2]
     for where, files, lab in (("7-Scenes", _kinect(data), False), ("simulated lab", [], True)):
-        for row in learners.compare_all(files, lab=lab):
+        frames, rows = learners.compare_all(files, lab=lab)
+        for row in rows:
             lines.append(
-                f"| {row.learner} | {row.nodes} | {row.connections} | {row.learn_ms} | {row.times_as_fast} | {where} |"
+                f"| {row.learner} | {row.nodes} | {row.connections} | {row.learn_ms} | {row.times_as_fast} "
+                f"| {where}, {frames} frames |"
             )
+    return lines
+
+
+def _batches(data: Path) -> list[str]:
+    lines = ["| samples in a batch | nodes | times as slow as one | node error mm | line error mm |", "|---" * 5 + "|"]
+    lines += [
+        f"| {row.batch} | {row.nodes} | {row.times_as_slow} | {row.node_error_mm} | {row.line_error_mm} |"
+        for row in learners.compare_batches(_kinect(data))
+    ]
     return lines
 
 
 def _table_4(data: Path, pictures: Path | None) -> list[str]:
     lines = [
-        "| frame | points | nodes | connections | clusters | shortest | longest | ms | floor ms | tabled "
+        "| frame | floor | points | nodes | connections | clusters | shortest | longest | ms | floor ms | tabled "
         "| objects found | boundary precision | recall |",
-        "|---" * 13 + "|",
+        "|---" * 14 + "|",
     ]
     for name, points, nodes, connections, found, low, high, ms in _PAPER_TABLE_4:
-        lines.append(f"| {name} | {points} | {nodes} | {connections} | {found} | {low} m | {high} m | {ms} | | | | | |")
+        lines.append(
+            f"| {name} | | {points} | {nodes} | {connections} | {found} | {low} m | {high} m | {ms} | | | | | |"
+        )
     lab = [_measure(f"lab view {k}", image, *lab_camera(), pictures) for k, image in enumerate(lab_frames())]
     files = [
         *_kinect(data),
@@ -107,20 +121,33 @@ def _table_4(data: Path, pictures: Path | None) -> list[str]:
     for group in (lab, read[:10], read[10:12], read[12:]):
         lines += [_line(row) for row in group]
         lines.append(_line(Row(overall_of(group), None), "**median**"))
+    floorless = [_measure_file(path, None, "none") for path in files[12:]]
+    lines.append(_line(Row(overall_of(floorless), None), "*labelled, no floor*"))
     return lines
 
 
 def _line(row: Row, name: str = "") -> str:
     f = row.figures
-    values = [name or f.file, f.points, f.nodes, f.connections, f.clusters, f.min_edge_m, f.max_edge_m, f.total_ms]
+    floor = None if f.camera_height_m is None else f"{-f.camera_height_m:.2f} m"
+    values = [
+        name or f.file,
+        floor,
+        f.points,
+        f.nodes,
+        f.connections,
+        f.clusters,
+        f.min_edge_m,
+        f.max_edge_m,
+        f.total_ms,
+    ]
     values += [f.floor_ms, f.floor_tabled_ms, f.object_recall, f.boundary_precision, f.boundary_recall]
     return "| " + " | ".join("" if value is None else str(value) for value in values) + " |"
 
 
-def _measure_file(path: Path, pictures: Path | None) -> Row:
+def _measure_file(path: Path, pictures: Path | None, floor: str = "search") -> Row:
     file = read_depth(path)
     intrinsics = intrinsics_of(path, file.image, file.lens_px)
-    mount = mount_of("search", file.image, intrinsics)
+    mount = mount_of(floor, file.image, intrinsics)
     row = _measure(path.name, file.image, intrinsics, mount, pictures)
     if file.labels is None:
         return row
@@ -134,7 +161,7 @@ def _measure(name: str, image: DepthImage, intrinsics: Intrinsics, mount: Mount,
     objects: ObjectNetwork = extractor.extract(image)
     if pictures is not None and name in _PICTURES:
         draw(image, objects, intrinsics, mount).save(pictures / f"extraction-{_PICTURES[name]}.png")
-    return measure(name, extractor, image, objects, intrinsics)
+    return measure(name, extractor, image, objects, intrinsics, mount)
 
 
 def _extractor(intrinsics: Intrinsics, mount: Mount) -> ObjectExtractor:

@@ -208,6 +208,26 @@ def test_the_figures_of_a_box_are_printed_and_its_picture_is_drawn(
         assert picture.size == (3 * 640 + 8, 480)
 
 
+def test_one_bad_file_does_not_lose_the_figures_of_the_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "bad.png").write_bytes(b"no picture")
+    np.save(tmp_path / "good.npy", np.full((480, 640), 2.0, np.float32))
+    assert extraction.run(parse(str(tmp_path / "bad.png"), str(tmp_path / "good.npy"), "--json")) == 2
+    printed = capsys.readouterr()
+    assert [row["file"] for row in json.loads(printed.out)["files"]] == ["good.npy"]
+    assert printed.err.count("\n") == 1
+
+
+@pytest.mark.skipif(not CLOUDS.is_dir(), reason="the labelled clouds (../shared/data/depth) are not here")
+def test_the_labelled_objects_are_found_and_their_boundaries_drawn(capsys: pytest.CaptureFixture[str]) -> None:
+    assert extraction.run(parse(*(str(path) for path in sorted(CLOUDS.glob("*.pcd"))), "--json")) == 0
+    overall = json.loads(capsys.readouterr().out)["overall"]
+    assert overall["object_recall"] >= 0.9
+    assert overall["boundary_precision"] >= 0.8
+    assert overall["boundary_recall"] >= 0.6
+
+
 @pytest.mark.parametrize("learner", ["fast", "standard"])
 def test_the_other_learners_outline_a_box_too(tmp_path: Path, capsys: pytest.CaptureFixture[str], learner: str) -> None:
     path = tmp_path / "box.png"

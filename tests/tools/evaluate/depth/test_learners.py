@@ -40,9 +40,19 @@ def test_all_learners_are_compared_at_one_number_of_nodes(monkeypatch, capsys, b
     assert all(row["node_error_mm"] < 60 and row["learn_ms"] > 0 for row in rows.values())
 
 
-def test_frames_with_too_few_samples_are_named(monkeypatch, capsys, boxes) -> None:
-    assert run(monkeypatch, "learners", str(boxes), "--nodes", "180") == 1
-    assert "boxes.png" in capsys.readouterr().err
+def test_frames_with_too_few_samples_are_named(monkeypatch, capsys, tmp_path) -> None:
+    path = tmp_path / "wall.png"
+    Image.fromarray(np.full((480, 640), 3000, np.uint16)).save(path)
+    assert run(monkeypatch, "learners", str(path), "--nodes", "180") == 1
+    assert "wall.png" in capsys.readouterr().err
+
+
+def test_a_bare_view_is_sampled_as_densely_as_the_nodes_need(monkeypatch, capsys, boxes) -> None:
+    samples = []
+    for nodes in ("20", "180"):
+        assert run(monkeypatch, "learners", str(boxes), "--nodes", nodes, "--runs", "1", "--json") == 0
+        samples.append(json.loads(capsys.readouterr().out)["files"][0]["samples"])
+    assert samples[0] < 5 * 180 <= samples[1]
 
 
 def test_a_file_that_is_no_depth_image_is_refused(monkeypatch, capsys, tmp_path) -> None:
