@@ -5,7 +5,16 @@ from __future__ import annotations
 import threading
 from collections import deque
 
-from shared.link.base import MAX_DATAGRAM_BYTES, LinkError, LinkStatistics
+from shared.link.base import (
+    MAX_DATAGRAM_BYTES,
+    ForRadio,
+    Lane,
+    LinkError,
+    LinkHealth,
+    LinkPath,
+    LinkStatistics,
+    PathChanged,
+)
 
 _QUEUE_DATAGRAMS = 256
 
@@ -20,10 +29,15 @@ class _Wire:
 
 
 class LoopbackLink:
-    """One end; make both with `loopback_pair`."""
+    """One end; make both with `loopback_pair`. There is one lane."""
+
+    path = LinkPath.WIFI
+    mends_itself = False
+    resets = 0
 
     def __init__(self, outgoing: _Wire, incoming: _Wire) -> None:
         self.statistics = LinkStatistics()
+        self.events: deque[PathChanged] = deque(maxlen=1)  # there are none
         self._outgoing = outgoing
         self._incoming = incoming
 
@@ -31,7 +45,16 @@ class LoopbackLink:
     def connected(self) -> bool:
         return not (self._outgoing.closed or self._incoming.closed)
 
-    def send(self, datagram: bytes) -> bool:
+    @property
+    def has_room(self) -> bool:
+        return self.connected and len(self._outgoing.waiting) < _QUEUE_DATAGRAMS
+
+    @property
+    def health(self) -> LinkHealth:
+        return LinkHealth()
+
+    def send(self, datagram: bytes, lane: Lane = Lane.BULK, slot: int = 0, for_radio: ForRadio | None = None) -> bool:
+        del lane, slot, for_radio
         if not 0 < len(datagram) <= MAX_DATAGRAM_BYTES:
             raise ValueError(f"a datagram of {len(datagram)} bytes; 1 to {MAX_DATAGRAM_BYTES} are allowed")
         with self._outgoing.changed:

@@ -9,7 +9,7 @@ import socket
 import threading
 from collections import deque
 
-from shared.link.base import LinkError, LinkStatistics
+from shared.link.base import ForRadio, Lane, LinkError, LinkHealth, LinkPath, LinkStatistics, PathChanged
 from shared.link.pairing import Pairing
 from shared.link.tls import TlsStream
 from shared.protocol.frame import FrameParser, pack
@@ -88,6 +88,10 @@ class _Peer:
     def has_output(self) -> bool:
         return bool(self._out)
 
+    @property
+    def has_room(self) -> bool:
+        return self.is_ready and not self._out
+
     def pop(self) -> bytes | None:
         return self._arrived.popleft() if self._arrived else None
 
@@ -119,21 +123,48 @@ class _Peer:
         self.sock.close()
 
 
-class TcpClientLink:
+class _TcpEnd:
+    """What both ends have in common. There is one lane: TCP keeps everything in its order."""
+
+    path = LinkPath.WIFI
+    mends_itself = False
+
+    def __init__(self, is_secret: bool) -> None:
+        self.statistics = LinkStatistics()
+        self.events: deque[PathChanged] = deque(maxlen=1)  # there are none
+        self.resets = 0
+        self._is_secret = is_secret
+        self._peer: _Peer | None = None
+
+    @property
+    def connected(self) -> bool:
+        return self._peer is not None
+
+    @property
+    def has_room(self) -> bool:
+        peer = self._peer
+        return peer is not None and peer.has_room
+
+    @property
+    def health(self) -> LinkHealth:
+        return LinkHealth(wifi=self.connected, is_secret=self._is_secret)
+
+
+class TcpClientLink(_TcpEnd):
     """The station's end. Connects in the constructor or raises `LinkError`."""
 
     def __init__(self, host: str, port: int, timeout_s: float, pairing: Pairing | None = None) -> None:
         """`pairing`: speak in secret, with nobody who has another file."""
+        super().__init__(is_secret=pairing is not None)
         self._name = f"{host}:{port}"
-        self.statistics = LinkStatistics()
         try:
             sock = socket.create_connection((host, port), timeout_s)
         except (OSError, OverflowError) as error:
             raise LinkError(f"cannot connect to {self._name}: {_reason(error)}") from error
         tls = None if pairing is None else TlsStream(pairing.tls_context(False), False, self._name)
-        self._peer: _Peer | None = _Peer(sock, self._name, self.statistics, tls)
+        self._peer = peer = _Peer(sock, self._name, self.statistics, tls)
         try:
-            self._shake_hands(self._peer, timeout_s)
+            self._shake_hands(peer, timeout_s)
         except LinkError:
             self.close()
             raise
@@ -147,11 +178,8 @@ class TcpClientLink:
             peer.read()
         raise LinkError(f"{self._name}: no secure connection in time. Does the robot use a pairing file?")
 
-    @property
-    def connected(self) -> bool:
-        return self._peer is not None
-
-    def send(self, datagram: bytes) -> bool:
+    def send(self, datagram: bytes, lane: Lane = Lane.BULK, slot: int = 0, for_radio: ForRadio | None = None) -> bool:
+        del lane, slot, for_radio
         return self._connected_peer().send(datagram)
 
     def receive(self, timeout_s: float) -> bytes | None:
@@ -175,7 +203,7 @@ class TcpClientLink:
         return peer
 
 
-class TcpServerLink:
+class TcpServerLink(_TcpEnd):
     """The robot's end: listens, serves one station at a time and waits for the next when it goes.
 
     A station that says nothing for 1.5 s gives way to a newcomer; while it talks, a newcomer is turned away.
@@ -185,12 +213,11 @@ class TcpServerLink:
         self, host: str, port: int, clock: Clock, farewell: bytes = b"", pairing: Pairing | None = None
     ) -> None:
         """`farewell`: the datagram that a newcomer gets who is turned away. `pairing`: nobody else comes in at all."""
+        super().__init__(is_secret=pairing is not None)
         self._tls_context = None if pairing is None else pairing.tls_context(True)
         self._knocking: list[tuple[float, _Peer]] = []  # since when
-        self.statistics = LinkStatistics()
         self._clock = clock
         self._farewell = farewell
-        self._peer: _Peer | None = None
         self._heard_s = 0.0
         try:
             self._listener: socket.socket | None = socket.create_server((host, port), backlog=2)
@@ -206,11 +233,8 @@ class TcpServerLink:
         port: int = self._listener.getsockname()[1]
         return port
 
-    @property
-    def connected(self) -> bool:
-        return self._peer is not None
-
-    def send(self, datagram: bytes) -> bool:
+    def send(self, datagram: bytes, lane: Lane = Lane.BULK, slot: int = 0, for_radio: ForRadio | None = None) -> bool:
+        del lane, slot, for_radio
         peer = self._peer
         if peer is None:
             return False
@@ -290,6 +314,7 @@ class TcpServerLink:
                 return
             self._drop(self._peer)
         self._peer = newcomer
+        self.resets += 1
         self._heard_s = now_s
 
     def _turn_away(self, newcomer: _Peer) -> None:

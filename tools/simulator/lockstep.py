@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tempfile
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 from robot_app.app import RobotApp
 from robot_app.config import RobotConfig
 from shared.geometry.se2 import Pose2
-from shared.link.base import Link, LinkError
+from shared.link.base import ForRadio, Lane, Link, LinkError, LinkHealth, LinkPath, PathChanged
 from shared.link.loopback import LoopbackLink, loopback_pair
 from shared.runtime.clock import ManualClock
 from shared.runtime.runner import LockstepRunner, OnFault, Row, Task
@@ -108,8 +109,13 @@ class Lockstep:
 class _Switchboard:
     """The robot's end of whatever loopback stands now."""
 
+    path = LinkPath.WIFI
+    mends_itself = False
+
     def __init__(self) -> None:
         self.whole = True
+        self.resets = 0
+        self.events: deque[PathChanged] = deque(maxlen=1)
         self._robot: LoopbackLink | None = None
         self.statistics = loopback_pair()[0].statistics
 
@@ -117,6 +123,7 @@ class _Switchboard:
         if not self.whole:
             raise LinkError(f"cannot connect to {host}:{port}: no answer in time")
         self._robot, station = loopback_pair()
+        self.resets += 1
         self.statistics = self._robot.statistics
         return station
 
@@ -128,8 +135,17 @@ class _Switchboard:
     def connected(self) -> bool:
         return self._robot is not None and self._robot.connected
 
-    def send(self, datagram: bytes) -> bool:
-        return self._robot is not None and self._robot.connected and self._robot.send(datagram)
+    @property
+    def has_room(self) -> bool:
+        return self._robot is not None and self._robot.has_room
+
+    @property
+    def health(self) -> LinkHealth:
+        return LinkHealth(wifi=self.connected)
+
+    def send(self, datagram: bytes, lane: Lane = Lane.BULK, slot: int = 0, for_radio: ForRadio | None = None) -> bool:
+        del slot, for_radio
+        return self._robot is not None and self._robot.connected and self._robot.send(datagram, lane)
 
     def receive(self, timeout_s: float) -> bytes | None:
         return self._robot.receive(timeout_s) if self._robot is not None and self._robot.connected else None

@@ -6,7 +6,7 @@ from collections import deque
 
 import numpy as np
 
-from shared.link.base import Link, LinkError, LinkStatistics
+from shared.link.base import ForRadio, Lane, Link, LinkError, LinkHealth, LinkPath, LinkStatistics, PathChanged
 from shared.runtime.clock import Clock
 
 _LATENCY_S = (0.001, 0.008)
@@ -47,8 +47,13 @@ class CuttableWifi:
 
 
 class WifiEnd:
+    path = LinkPath.WIFI
+    mends_itself = False
+    resets = 0
+
     def __init__(self, network: CuttableWifi, made_s: float) -> None:
         self.statistics = LinkStatistics()
+        self.events: deque[PathChanged] = deque(maxlen=1)  # there are none
         self.peer: WifiEnd | None = None
         self.is_closed = False
         self._network = network
@@ -60,7 +65,16 @@ class WifiEnd:
     def connected(self) -> bool:
         return not self.is_closed
 
-    def send(self, datagram: bytes) -> bool:
+    @property
+    def has_room(self) -> bool:
+        return self.connected and self.peer is not None and not self.peer.incoming
+
+    @property
+    def health(self) -> LinkHealth:
+        return LinkHealth(wifi=self.connected)
+
+    def send(self, datagram: bytes, lane: Lane = Lane.BULK, slot: int = 0, for_radio: ForRadio | None = None) -> bool:
+        del lane, slot, for_radio
         self._fail_if_closed()
         assert self.peer is not None
         if sum(len(d) for _, d in self.peer.incoming) + len(datagram) > _BACKLOG_BYTES:

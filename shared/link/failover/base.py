@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Protocol
 
-from shared.link.base import LinkStatistics
-from shared.link.failover.lanes import Path
-from shared.link.radio_pair.items import Lane
+from shared.link.base import Lane, LinkHealth, LinkStatistics
 
 
 class Kind(IntEnum):
@@ -22,12 +20,14 @@ class Kind(IntEnum):
 
 
 class Radio(Protocol):
-    """What is needed of a radio pair beyond `Link`."""
+    """What is needed of a radio pair."""
 
     @property
     def connected(self) -> bool: ...
     @property
-    def waiting_bytes(self) -> int: ...
+    def has_room(self) -> bool: ...
+    @property
+    def health(self) -> LinkHealth: ...
     @property
     def resets(self) -> int:
         """How often it forgot what it was carrying."""
@@ -36,15 +36,6 @@ class Radio(Protocol):
     def send(self, datagram: bytes, lane: Lane = Lane.BULK, slot: int = 0) -> bool: ...
     def receive(self, timeout_s: float) -> bytes | None: ...
     def close(self) -> None: ...
-
-
-@dataclass(frozen=True, slots=True)
-class PathChanged:
-    """For the operator."""
-
-    time_s: float
-    path: Path
-    reason: str
 
 
 @dataclass(slots=True)

@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 from collections import OrderedDict, deque
-from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
+
+from shared.link.base import ForRadio, LinkPath
 
 WINDOW = 100  # datagrams; the byte that counts them tells 256 apart
-
-
-class Path(Enum):
-    WIFI = "Wi-Fi"
-    RADIO = "LoRa"
 
 
 @dataclass(slots=True)
@@ -21,12 +16,12 @@ class Kept:
 
     seq: int
     datagram: bytes
-    for_radio: Callable[[], bytes] | None
-    sent_on: set[Path]
+    for_radio: ForRadio | None
+    sent_on: set[LinkPath]
     radio_version: bytes | None = None
 
-    def on(self, path: Path) -> bytes:
-        if path is Path.WIFI or self.for_radio is None:
+    def on(self, path: LinkPath) -> bytes:
+        if path is LinkPath.WIFI or self.for_radio is None:
             return self.datagram
         if self.radio_version is None:
             self.radio_version = self.for_radio()
@@ -47,15 +42,15 @@ class Outgoing:
     def has_room(self) -> bool:
         return len(self._kept) < WINDOW
 
-    def add(self, datagram: bytes, for_radio: Callable[[], bytes] | None = None) -> None:
+    def add(self, datagram: bytes, for_radio: ForRadio | None = None) -> None:
         self._kept.append(Kept(self._next, datagram, for_radio, set()))
         self._next += 1
 
-    def unsent(self, path: Path) -> list[Kept]:
+    def unsent(self, path: LinkPath) -> list[Kept]:
         """In their order."""
         return [kept for kept in self._kept if path not in kept.sent_on]
 
-    def forget_path(self, path: Path) -> None:
+    def forget_path(self, path: LinkPath) -> None:
         """What the path was carrying may be lost: it is sent again."""
         for kept in self._kept:
             kept.sent_on.discard(path)

@@ -16,12 +16,13 @@ import math
 import threading
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 
-from shared.link.base import MAX_DATAGRAM_BYTES, Link, LinkError
-from shared.link.failover.base import FailoverStatistics, Kind, PathChanged, Radio
-from shared.link.failover.lanes import Incoming, Kept, Newer, Outgoing, Path
+from shared.link.base import MAX_DATAGRAM_BYTES, ForRadio, Lane, Link, LinkError, LinkHealth, LinkPath, PathChanged
+from shared.link.failover.base import FailoverStatistics, Kind, Radio
+from shared.link.failover.lanes import Incoming, Kept, Newer, Outgoing
 from shared.link.failover.watch import FailoverConfig, Watch
-from shared.link.radio_pair.items import MOST_SHORT_BYTES, Lane
+from shared.link.radio_pair.items import MOST_SHORT_BYTES
 from shared.protocol.auth import RandomBytes
 from shared.runtime.clock import Clock
 
@@ -43,6 +44,8 @@ class Failover:
     Owns no thread: `step`, or `receive`, is called often.
     """
 
+    mends_itself = True
+
     def __init__(
         self,
         connect: Callable[[], Link | None],
@@ -53,7 +56,8 @@ class Failover:
     ) -> None:
         """`connect` does not wait: None while there is nothing yet; it may raise `LinkError`."""
         self.statistics = FailoverStatistics()
-        self.path = Path.RADIO
+        self.path = LinkPath.RADIO
+        self.resets = 0
         self.events: deque[PathChanged] = deque(maxlen=_MOST_EVENTS)
         self._connect = connect
         self._radio = radio
@@ -66,11 +70,11 @@ class Failover:
         self._watch = Watch(self._config)
         self._epoch = random_bytes(_EPOCH_BYTES)
         self._peer_epoch = bytes(_EPOCH_BYTES)
-        self._knows_us: set[Path] = set()
+        self._knows_us: set[LinkPath] = set()
         self._delivered: deque[bytes] = deque()
         self._radio_resets = 0
         self._radio_hello_s = self._radio_ack_s = -math.inf
-        self._ack_due: set[Path] = set()
+        self._ack_due: set[LinkPath] = set()
         self._was_connected = False
         self._reset_lanes()
 
@@ -79,7 +83,7 @@ class Failover:
         self._in = {kind: Incoming() for kind in self._out}
         self._newer = Newer()
         self._newest_number = 0
-        self._newest: dict[int, bytes] = {}
+        self._newest: dict[int, tuple[bytes, ForRadio | None]] = {}
 
     # ---- as a link
 
@@ -87,25 +91,26 @@ class Failover:
     def connected(self) -> bool:
         """The other side knows us on some path."""
         with self._lock:
-            return any(self._is_open(path) for path in Path)
+            return any(self._is_open(path) for path in LinkPath)
 
     @property
     def wifi_round_trip_s(self) -> float:
         return self._watch.round_trip_s
 
-    def send(
-        self,
-        datagram: bytes,
-        lane: Lane = Lane.BULK,
-        slot: int = 0,
-        for_radio: Callable[[], bytes] | None = None,
-    ) -> bool:
-        """As `Link`. `for_radio` makes what LoRa is to carry instead, if it comes to that; `slot` is one of 30."""
+    @property
+    def health(self) -> LinkHealth:
+        radio = self._radio.health
+        with self._lock:
+            wifi = self._is_open(LinkPath.WIFI) and self._watch.is_alive(self._clock.now_s())
+            return replace(radio, wifi=wifi, lora=self._is_open(LinkPath.RADIO))
+
+    def send(self, datagram: bytes, lane: Lane = Lane.BULK, slot: int = 0, for_radio: ForRadio | None = None) -> bool:
+        """As `Link`."""
         if not 0 < len(datagram) <= MAX_DATAGRAM_BYTES - _HEAD_BYTES:
             raise ValueError(f"a datagram of {len(datagram)} bytes; 1 to {MAX_DATAGRAM_BYTES - _HEAD_BYTES} allowed")
         with self._lock:
             self._fail_if_closed()
-            if not any(self._is_open(path) for path in Path) or not self._queue(datagram, lane, slot, for_radio):
+            if not any(self._is_open(path) for path in LinkPath) or not self._queue(datagram, lane, slot, for_radio):
                 return False
             self.statistics.sent_datagrams += 1
             self.statistics.sent_bytes += len(datagram)
@@ -114,10 +119,10 @@ class Failover:
 
     @property
     def has_room(self) -> bool:
-        """An observation that is sent now goes at once; whoever sends what is newest waits for this."""
         with self._lock:
             waiting = len(self._out[Kind.DATA].unsent(self.path))
-            return not waiting and (self.path is Path.WIFI or self._radio_has_room())
+            open_ = self._is_open(self.path)
+            return open_ and not waiting and (self.path is LinkPath.WIFI or self._radio.has_room)
 
     def receive(self, timeout_s: float) -> bytes | None:
         """As `Link`; the loss of both paths is raised once, and the link goes on by itself when one is back."""
@@ -159,10 +164,10 @@ class Failover:
 
     # ---- paths
 
-    def _is_open(self, path: Path) -> bool:
+    def _is_open(self, path: LinkPath) -> bool:
         if path not in self._knows_us:
             return False
-        return self._radio.connected if path is Path.RADIO else self._wifi is not None
+        return self._radio.connected if path is LinkPath.RADIO else self._wifi is not None
 
     def _keep_wifi(self, now_s: float) -> None:
         wifi = self._wifi
@@ -180,27 +185,31 @@ class Failover:
 
     def _drop_wifi(self) -> None:
         wifi, self._wifi = self._wifi, None
-        self._knows_us.discard(Path.WIFI)
+        self._knows_us.discard(LinkPath.WIFI)
         for lane in self._out.values():
-            lane.forget_path(Path.WIFI)
+            lane.forget_path(LinkPath.WIFI)
         if wifi is not None:
             wifi.close()
 
     def _choose_path(self, now_s: float) -> None:
-        alive = self._watch.is_alive(now_s) and self._is_open(Path.WIFI)
-        if self.path is Path.WIFI and not alive:
-            self._change(Path.RADIO, "its acknowledgements have stopped", now_s)
-        elif self.path is Path.RADIO and alive and (self._watch.is_steady(now_s) or not self._is_open(Path.RADIO)):
-            self._change(Path.WIFI, "it is steadily there", now_s)
+        alive = self._watch.is_alive(now_s) and self._is_open(LinkPath.WIFI)
+        if self.path is LinkPath.WIFI and not alive:
+            self._change(LinkPath.RADIO, "its acknowledgements have stopped", now_s)
+        elif (
+            self.path is LinkPath.RADIO
+            and alive
+            and (self._watch.is_steady(now_s) or not self._is_open(LinkPath.RADIO))
+        ):
+            self._change(LinkPath.WIFI, "it is steadily there", now_s)
         if self._radio_resets != self._radio.resets:
             self._radio_resets = self._radio.resets
             for lane in self._out.values():
-                lane.forget_path(Path.RADIO)
+                lane.forget_path(LinkPath.RADIO)
 
-    def _change(self, path: Path, reason: str, now_s: float) -> None:
+    def _change(self, path: LinkPath, reason: str, now_s: float) -> None:
         self.path = path
         self.statistics.changes += 1
-        if path is Path.WIFI:  # what it had may have died with it; LoRa keeps what it was given
+        if path is LinkPath.WIFI:  # what it had may have died with it; LoRa keeps what it was given
             for lane in self._out.values():
                 lane.forget_path(path)
         text = f"Wi-Fi: {reason}; using {path.value}"
@@ -209,9 +218,9 @@ class Failover:
 
     # ---- out
 
-    def _queue(self, datagram: bytes, lane: Lane, slot: int, for_radio: Callable[[], bytes] | None) -> bool:
+    def _queue(self, datagram: bytes, lane: Lane, slot: int, for_radio: ForRadio | None) -> bool:
         if lane is Lane.NEWEST:
-            self._newest[slot % MOST_SLOTS] = datagram
+            self._newest[slot % MOST_SLOTS] = datagram, for_radio
             return True
         kind = {Lane.BULK: Kind.DATA, Lane.COMMAND: Kind.COMMAND, Lane.NOW: Kind.NOW}[lane]
         if not self._out[kind].has_room:
@@ -221,47 +230,46 @@ class Failover:
 
     def _send_due(self) -> None:
         for kind in (Kind.NOW, Kind.COMMAND):
-            for path in Path:
+            for path in LinkPath:
                 self._send_lane(kind, path)
         self._send_newest()
         self._send_lane(Kind.DATA, self.path)
-        if self.path is Path.WIFI and self._watch.is_doubtful(self._clock.now_s()):
-            self._send_lane(Kind.DATA, Path.RADIO)
+        if self.path is LinkPath.WIFI and self._watch.is_doubtful(self._clock.now_s()):
+            self._send_lane(Kind.DATA, LinkPath.RADIO)
 
-    def _send_lane(self, kind: Kind, path: Path) -> None:
+    def _send_lane(self, kind: Kind, path: LinkPath) -> None:
         if not self._is_open(path):
             return
         for kept in self._out[kind].unsent(path):
-            if kind is Kind.DATA and path is Path.RADIO and not self._radio_has_room():
+            if kind is Kind.DATA and path is LinkPath.RADIO and not self._radio.has_room:
                 return
             if not self._send_kept(kind, kept, path):
                 return
             kept.sent_on.add(path)
 
-    def _radio_has_room(self) -> bool:
-        return self._radio.waiting_bytes < self._config.radio_ahead_bytes
-
-    def _send_kept(self, kind: Kind, kept: Kept, path: Path) -> bool:
+    def _send_kept(self, kind: Kind, kept: Kept, path: LinkPath) -> bool:
         frame = self._frame(kind, kept.seq, kept.on(path))
         lane = {Kind.DATA: Lane.BULK, Kind.COMMAND: Lane.COMMAND, Kind.NOW: Lane.NOW}[kind]
         return self._send_on(path, frame, lane)
 
     def _send_newest(self) -> None:
         for slot in list(self._newest):
-            datagram = self._newest.pop(slot)
+            datagram, for_radio = self._newest.pop(slot)
             self._newest_number = (self._newest_number + 1) & 0xFF
             frame = self._frame(Kind.NEWEST, self._newest_number, bytes((slot,)) + datagram)
-            self._send_on(Path.WIFI, frame, Lane.NEWEST)
-            if self.path is Path.RADIO or len(frame) <= MOST_SHORT_BYTES:
-                self._send_on(Path.RADIO, frame, Lane.NEWEST, slot)
+            self._send_on(LinkPath.WIFI, frame, Lane.NEWEST)
+            if for_radio is not None:
+                frame = self._frame(Kind.NEWEST, self._newest_number, bytes((slot,)) + for_radio())
+            if self.path is LinkPath.RADIO or len(frame) <= MOST_SHORT_BYTES:
+                self._send_on(LinkPath.RADIO, frame, Lane.NEWEST, slot)
 
-    def _send_on(self, path: Path, frame: bytes, lane: Lane, slot: int = 0) -> bool:
+    def _send_on(self, path: LinkPath, frame: bytes, lane: Lane, slot: int = 0) -> bool:
         try:
-            if path is Path.RADIO:
+            if path is LinkPath.RADIO:
                 return self._radio.send(frame, lane, slot)
             return self._wifi is not None and self._wifi.send(frame)
         except LinkError:
-            if path is Path.WIFI:
+            if path is LinkPath.WIFI:
                 self._drop_wifi()
             return False
 
@@ -273,16 +281,16 @@ class Failover:
 
     def _greet(self, now_s: float) -> None:
         if self._wifi is not None and self._watch.due(now_s):
-            if Path.WIFI not in self._knows_us:
-                self._send_on(Path.WIFI, self._hello(Path.WIFI), Lane.BULK)
+            if LinkPath.WIFI not in self._knows_us:
+                self._send_on(LinkPath.WIFI, self._hello(LinkPath.WIFI), Lane.BULK)
             number = self._watch.probe(now_s)
             probe = self._frame(Kind.PROBE, number, bytes((self._watch.last_heard,)))
-            self._send_on(Path.WIFI, probe, Lane.BULK)
-        if Path.RADIO not in self._knows_us and now_s >= self._radio_hello_s + self._config.radio_hello_s:
+            self._send_on(LinkPath.WIFI, probe, Lane.BULK)
+        if LinkPath.RADIO not in self._knows_us and now_s >= self._radio_hello_s + self._config.radio_hello_s:
             self._radio_hello_s = now_s
-            self._send_on(Path.RADIO, self._hello(Path.RADIO), Lane.NEWEST, _HELLO_SLOT)
+            self._send_on(LinkPath.RADIO, self._hello(LinkPath.RADIO), Lane.NEWEST, _HELLO_SLOT)
 
-    def _hello(self, path: Path) -> bytes:
+    def _hello(self, path: LinkPath) -> bytes:
         """Its number is 1 where it asks for one in return."""
         asks = path not in self._knows_us
         return bytes((Kind.HELLO << _EPOCH_TAG_BITS, asks)) + self._epoch + self._peer_epoch
@@ -292,28 +300,28 @@ class Failover:
             return
         expected = bytes(self._in[kind].expected & 0xFF for kind in self._in)
         ack = self._frame(Kind.ACK, 0, expected)
-        if self._send_on(Path.WIFI, ack, Lane.NEWEST):
-            self._ack_due.discard(Path.WIFI)
-        if Path.RADIO in self._ack_due and now_s >= self._radio_ack_s + self._config.radio_ack_s:
+        if self._send_on(LinkPath.WIFI, ack, Lane.NEWEST):
+            self._ack_due.discard(LinkPath.WIFI)
+        if LinkPath.RADIO in self._ack_due and now_s >= self._radio_ack_s + self._config.radio_ack_s:
             self._radio_ack_s = now_s
-            if self._send_on(Path.RADIO, ack, Lane.NEWEST, _ACK_SLOT):
-                self._ack_due.discard(Path.RADIO)
+            if self._send_on(LinkPath.RADIO, ack, Lane.NEWEST, _ACK_SLOT):
+                self._ack_due.discard(LinkPath.RADIO)
 
     # ---- in
 
     def _read_all(self, now_s: float) -> None:
         if self._wifi is not None:
             try:
-                self._read(Path.WIFI, self._wifi, now_s)
+                self._read(LinkPath.WIFI, self._wifi, now_s)
             except LinkError as error:
                 _log.debug("Wi-Fi: %s", error)
                 self._drop_wifi()
         try:
-            self._read(Path.RADIO, self._radio, now_s)
+            self._read(LinkPath.RADIO, self._radio, now_s)
         except LinkError as error:
             _log.info("LoRa: %s", error)
 
-    def _read(self, path: Path, link: Link | Radio, now_s: float) -> None:
+    def _read(self, path: LinkPath, link: Link | Radio, now_s: float) -> None:
         for _ in range(_DATAGRAMS_PER_STEP):
             if len(self._delivered) >= _MOST_DELIVERED:
                 return
@@ -322,7 +330,7 @@ class Failover:
                 return
             self._take(path, frame, now_s)
 
-    def _take(self, path: Path, frame: bytes, now_s: float) -> None:
+    def _take(self, path: LinkPath, frame: bytes, now_s: float) -> None:
         kind = frame[0] >> _EPOCH_TAG_BITS
         if len(frame) <= _HEAD_BYTES or kind > Kind.NEWEST:
             self.statistics.dropped_bytes += len(frame)
@@ -340,7 +348,7 @@ class Failover:
         else:
             self._take_datagram(Kind(kind), path, number, body)
 
-    def _take_datagram(self, kind: Kind, path: Path, number: int, body: bytes) -> None:
+    def _take_datagram(self, kind: Kind, path: LinkPath, number: int, body: bytes) -> None:
         if kind is Kind.NEWEST:
             if self._newer.take(body[0], number) and len(body) > 1:
                 self._delivered.append(body[1:])
@@ -351,7 +359,7 @@ class Failover:
         self.statistics.duplicates += lane.duplicates - before
         self._ack_due.add(path)
 
-    def _take_hello(self, path: Path, body: bytes, asks: bool) -> None:
+    def _take_hello(self, path: LinkPath, body: bytes, asks: bool) -> None:
         if len(body) != 2 * _EPOCH_BYTES:
             self.statistics.dropped_bytes += len(body)
             return
@@ -362,6 +370,7 @@ class Failover:
                 self.statistics.peer_restarts += 1
             self._peer_epoch = theirs
             self._knows_us.clear()
+            self.resets += 1
             self._reset_lanes()
         if ours == self._epoch:
             self._knows_us.add(path)

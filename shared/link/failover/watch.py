@@ -17,7 +17,6 @@ class FailoverConfig:
     return_s: float = 1.0  # echoes must come so long, without a gap, before Wi-Fi is used again
     reconnect_s: float = 0.25  # between attempts
     give_up_s: float = 0.6  # a connection without an echo for so long is made anew
-    radio_ahead_bytes: int = 100  # handed to the radios ahead of time: what follows is the newest there is
     radio_hello_s: float = 1.0
     radio_ack_s: float = 0.4
 

@@ -10,7 +10,7 @@ import logging
 from collections import deque
 from dataclasses import dataclass
 
-from shared.link.radio_pair.items import Lane
+from shared.link.base import Lane
 from shared.link.radio_pair.lanes import Fate, Lanes, Load
 from shared.protocol.arq import ReplayWindow, SegmentReceiver
 from shared.protocol.auth import (

@@ -14,22 +14,14 @@ An item begins with a byte: what it is (3 bits) and a small number (5 bits).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
+
+from shared.link.base import Lane
 
 MOST_SHORT_BYTES = 32  # of a datagram that has to fit into one item
 NUMBERS = 32
 SEGMENT_HEAD_BYTES = 3
 BULK_HEAD_BYTES = 2
 SHORT_HEAD_BYTES = 2
-
-
-class Lane(Enum):
-    """How a datagram travels. The value is the lane's item, where it has one."""
-
-    BULK = "bulk"  # nothing lost, in order
-    COMMAND = "command"  # the same, before the bulk
-    NOW = "now"  # nothing lost, before everything, in no order; short ones only
-    NEWEST = "newest"  # sent once; a newer one of the same slot takes its place; short ones only
 
 
 @dataclass(frozen=True, slots=True)

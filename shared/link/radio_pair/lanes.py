@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 
+from shared.link.base import Lane
 from shared.link.radio_pair import items as i
-from shared.link.radio_pair.items import Lane
 from shared.protocol.arq import BEHIND, MOST_BITMAP_BYTES, Segment, SegmentReceiver, SegmentSender
 from shared.protocol.fragment import Assembler, Cutter
 

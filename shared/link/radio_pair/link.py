@@ -9,12 +9,21 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from shared.link.base import MAX_DATAGRAM_BYTES, LinkError, LinkStatistics
+from shared.link.base import (
+    MAX_DATAGRAM_BYTES,
+    ForRadio,
+    Lane,
+    LinkError,
+    LinkHealth,
+    LinkPath,
+    LinkStatistics,
+    PathChanged,
+    RadioHealth,
+)
 from shared.link.es920lr.airtime import MAX_PAYLOAD_BYTES
 from shared.link.es920lr.settings import RadioSettings
 from shared.link.radio_pair.config import PairConfig, timing_of
 from shared.link.radio_pair.conversation import Conversation, SecurityStatistics
-from shared.link.radio_pair.items import Lane
 from shared.link.radio_pair.lanes import Lanes, LaneStatistics
 from shared.link.radio_pair.pump import OpenRadio, Pump
 from shared.link.radio_pair.turns import AnsweringTurns, AskingTurns, Turns, TurnStatistics
@@ -44,6 +53,9 @@ class RadioPair:
     A module that is lost is brought up again and again while the other one carries all.
     """
 
+    path = LinkPath.RADIO
+    mends_itself = True
+
     def __init__(
         self,
         open_radios: Sequence[OpenRadio],
@@ -53,6 +65,7 @@ class RadioPair:
         config: PairConfig,
         threads: bool,
     ) -> None:
+        self.events: deque[PathChanged] = deque(maxlen=1)  # there are none
         self._clock = clock
         self._config = config
         self._conversation = conversation
@@ -99,6 +112,20 @@ class RadioPair:
             return self._lanes.waiting_bytes
 
     @property
+    def has_room(self) -> bool:
+        with self._changed:
+            return self._is_connected() and self._lanes.waiting_bytes < self._config.ahead_bytes
+
+    @property
+    def health(self) -> LinkHealth:
+        return LinkHealth(
+            lora=self.connected,
+            radios=tuple(RadioHealth(p.operating, p.rssi_dbm) for p in self._pumps),
+            goodput_bps=self.goodput_bps,
+            is_secret=True,
+        )
+
+    @property
     def resets(self) -> int:
         """How often what was on its way was forgotten, because the other side had begun anew."""
         return self._lanes.resets
@@ -115,8 +142,10 @@ class RadioPair:
             first_s, first_bytes = self._acknowledged[0]
             return 8.0 * (acknowledged - first_bytes) / max(now_s - first_s, 0.1)
 
-    def send(self, datagram: bytes, lane: Lane = Lane.BULK, slot: int = 0) -> bool:
-        """As `Link`; `lane` says how urgent it is. What is too long for NOW or NEWEST travels as COMMAND."""
+    def send(self, datagram: bytes, lane: Lane = Lane.BULK, slot: int = 0, for_radio: ForRadio | None = None) -> bool:
+        """As `Link`. What is too long for NOW or NEWEST travels as COMMAND."""
+        if for_radio is not None:
+            datagram = for_radio()
         if not 0 < len(datagram) <= MAX_DATAGRAM_BYTES:
             raise ValueError(f"a datagram of {len(datagram)} bytes; 1 to {MAX_DATAGRAM_BYTES} are allowed")
         with self._changed:

@@ -10,8 +10,7 @@ from pathlib import Path as FilePath
 
 import pytest
 
-from shared.link.base import Link, LinkError
-from shared.link.failover.lanes import Path
+from shared.link.base import Lane, Link, LinkError, LinkHealth, LinkPath
 from shared.link.failover.link import Failover
 from shared.link.loopback import loopback_pair
 from shared.link.pairing import read_pairing
@@ -31,12 +30,28 @@ class SteppedEnd:
     def __init__(self, rig: PairRig | FailoverRig, link: RadioPair | Failover) -> None:
         self._rig = rig
         self._link = link
-        self.statistics = link.statistics
+        self.statistics, self.events, self.mends_itself = link.statistics, link.events, link.mends_itself
         self.send, self.close = link.send, link.close
 
     @property
     def connected(self) -> bool:
         return self._link.connected
+
+    @property
+    def has_room(self) -> bool:
+        return self._link.has_room
+
+    @property
+    def path(self) -> LinkPath:
+        return self._link.path
+
+    @property
+    def resets(self) -> int:
+        return self._link.resets
+
+    @property
+    def health(self) -> LinkHealth:
+        return self._link.health
 
     def receive(self, timeout_s: float) -> bytes | None:
         until_s = self._rig.clock.now_s() + timeout_s
@@ -47,7 +62,7 @@ class SteppedEnd:
 
 def failover_ends() -> Ends:
     rig = FailoverRig(1)
-    assert rig.run(20.0, lambda: rig.robot.path is rig.station.path is Path.WIFI and rig.radios.robot.connected)
+    assert rig.run(20.0, lambda: rig.robot.path is rig.station.path is LinkPath.WIFI and rig.radios.robot.connected)
     return SteppedEnd(rig, rig.robot), SteppedEnd(rig, rig.station)
 
 
@@ -114,6 +129,38 @@ def test_a_link_without_news_returns_nothing_after_its_time_out(ends: Ends) -> N
 def test_a_peer_that_does_not_read_makes_send_say_no(ends: Ends) -> None:
     robot, _ = ends
     assert any(not robot.send(bytes(60_000)) for _ in range(1000))
+
+
+@pytest.mark.parametrize("lane", list(Lane))
+def test_every_lane_delivers(ends: Ends, lane: Lane) -> None:
+    robot, station = ends
+    for end, other in ((robot, station), (station, robot)):
+        assert end.send(b"word", lane, slot=3)
+        assert other.receive(3.0) == b"word"
+
+
+def test_over_a_radio_the_short_version_travels(ends: Ends) -> None:
+    robot, station = ends
+    assert robot.send(b"the whole story", for_radio=lambda: b"news")
+    assert station.receive(3.0) == (b"news" if robot.path is LinkPath.RADIO else b"the whole story")
+
+
+def test_a_link_that_carries_nothing_has_room_and_one_that_is_closed_has_none(ends: Ends) -> None:
+    robot, _ = ends
+    assert robot.has_room
+    robot.close()
+    assert not robot.has_room
+    assert not robot.connected
+
+
+def test_a_link_tells_of_its_state(ends: Ends) -> None:
+    robot, station = ends
+    before = robot.resets
+    assert robot.send(b"x")
+    station.receive(1.0)
+    assert robot.resets == before
+    assert not robot.events or robot.events[-1].path is robot.path
+    assert len(robot.health.radios) == (0 if robot.health.lora is None else 2)
 
 
 def test_an_oversized_datagram_is_refused(ends: Ends) -> None:

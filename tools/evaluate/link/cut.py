@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from shared.link.failover.lanes import Path
-from shared.link.radio_pair.items import Lane
+from shared.link.base import Lane, LinkPath
 from tools.simulator.radio.failover_rig import FailoverRig
 
 _PERIOD_S = 0.2  # of observations, and of commands: 5 Hz
@@ -144,7 +143,7 @@ def _one_mission(cuts: int, seed: int, sizes: tuple[int, int], sums: _Sums) -> N
     rig, rng = FailoverRig(seed), np.random.default_rng(seed + 1_000)
 
     def both_ways() -> bool:
-        on_wifi = rig.robot.path is rig.station.path is Path.WIFI
+        on_wifi = rig.robot.path is rig.station.path is LinkPath.WIFI
         return on_wifi and rig.radios.robot.connected and rig.radios.station.connected
 
     rig.run(_LONGEST_S, both_ways)
@@ -159,7 +158,7 @@ def _one_mission(cuts: int, seed: int, sizes: tuple[int, int], sums: _Sums) -> N
         rig.run(float(rng.uniform(*_CUT_S)))
         rig.wifi.restore()
         back_s = rig.clock.now_s()
-        if rig.run(_LONGEST_S, lambda: rig.robot.path is Path.WIFI):
+        if rig.run(_LONGEST_S, lambda: rig.robot.path is LinkPath.WIFI):
             sums.returns_s.append(rig.clock.now_s() - back_s)
         windows.append((cut_s, rig.clock.now_s()))
     rig.run(_LONGEST_S, mission.done)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from shared.link.base import LinkError
-from shared.link.radio_pair.items import Lane
+from shared.link.base import Lane, LinkError
 from shared.link.radio_pair.link import RadioPair
 from tools.simulator.radio.pair_rig import PairRig
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shared.link.base import LinkError
-from shared.link.failover.lanes import WINDOW, Incoming, Newer, Outgoing, Path
+from shared.link.base import Lane, LinkError, LinkPath
+from shared.link.failover.lanes import WINDOW, Incoming, Newer, Outgoing
 from shared.link.failover.watch import FailoverConfig, Watch
-from shared.link.radio_pair.items import Lane
 from tools.simulator.radio.failover_rig import FailoverRig
 from tools.simulator.radio.loss import Independent
 
@@ -53,7 +52,7 @@ class Mission:
 
 
 def on_wifi(rig: FailoverRig) -> bool:
-    return rig.robot.path is Path.WIFI and rig.station.path is Path.WIFI
+    return rig.robot.path is LinkPath.WIFI and rig.station.path is LinkPath.WIFI
 
 
 def ready(seed: int = 1) -> FailoverRig:
@@ -80,10 +79,10 @@ def test_the_operator_is_told_of_every_change() -> None:
     rig = ready()
     rig.station.events.clear()
     rig.wifi.cut()
-    assert rig.run(1.0, lambda: rig.station.path is Path.RADIO)
+    assert rig.run(1.0, lambda: rig.station.path is LinkPath.RADIO)
     rig.wifi.restore()
-    assert rig.run(5.0, lambda: rig.station.path is Path.WIFI)
-    assert [e.path for e in rig.station.events] == [Path.RADIO, Path.WIFI]
+    assert rig.run(5.0, lambda: rig.station.path is LinkPath.WIFI)
+    assert [e.path for e in rig.station.events] == [LinkPath.RADIO, LinkPath.WIFI]
     assert "acknowledgements have stopped" in rig.station.events[0].reason
 
 
@@ -137,7 +136,7 @@ def test_foreign_frames_are_counted_and_change_nothing() -> None:
     mission = Mission(rig)
     for _ in range(2_000):
         rig.station._take(
-            Path.WIFI, bytes((int(rng.integers(0x20)) | 0xE0,)) + rng.bytes(int(rng.integers(0, 60))), 0.0
+            LinkPath.WIFI, bytes((int(rng.integers(0x20)) | 0xE0,)) + rng.bytes(int(rng.integers(0, 60))), 0.0
         )
     assert rig.station.statistics.dropped_bytes > 0
     rig.run(1.0)

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from shared.link.base import Lane
 from shared.link.es920lr.driver import Es920lr
-from shared.link.radio_pair.items import Lane
 from shared.link.radio_pair.link import RadioPair, robot_radios, station_radios
 from shared.link.radio_pair.pump import OpenRadio
 from shared.link.serial_port import SerialPort

@@ -7,9 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from shared.link.base import LinkError
+from shared.link.base import Lane, LinkError
 from shared.link.radio_pair.config import PairConfig
-from shared.link.radio_pair.items import Lane
 from shared.link.radio_pair.link import RadioPair
 from tools.simulator.radio.loss import Bursts, Independent, LossModel
 from tools.simulator.radio.pair_rig import PairRig, link_settings
