@@ -13,7 +13,7 @@ from shared.protocol.compact.decoder import Decoder
 from shared.protocol.compact.encoder import Encoder
 from shared.protocol.compact.warm_up import warm_up
 from tests.shared import samples
-from tests.shared.protocol.compact.room_drive import drive
+from tools.fuzz.room_drive import drive
 
 
 def assert_near(sent: Observation, got: Observation) -> None:

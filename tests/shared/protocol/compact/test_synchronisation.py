@@ -12,8 +12,8 @@ from shared.protocol.compact.encoder import NUMBERS, WINDOW, Encoder
 from shared.protocol.compact.model import Coding, Model
 from shared.protocol.compact.state import State, Unfit
 from shared.protocol.compact.walk import code_observation
-from tests.shared.protocol.compact.room_drive import drive
 from tests.shared.protocol.compact.test_compact import assert_near
+from tools.fuzz.room_drive import drive
 
 
 def test_losses_neither_corrupt_nor_stop_what_follows(rng: np.random.Generator) -> None:
