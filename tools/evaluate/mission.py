@@ -18,6 +18,7 @@ from station_gui.config import load_config as load_station
 from tools.evaluate.seeds import Figures, header, over_seeds, row, seed_list
 from tools.evaluate.summary import summarise
 from tools.pictures import draw_map
+from tools.simulator.links import LINK_NAMES, LinkName
 from tools.simulator.lockstep import MissionResult, run_mission
 from tools.simulator.scenario import Scenario, SlipParameters, find_scenario
 
@@ -27,6 +28,7 @@ class _Plan:
     scenario: Scenario
     robot: RobotConfig
     station: StationConfig
+    link: LinkName
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,6 +45,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--method", choices=("graph", "particle"), help="of SLAM, instead of what the station's file says"
+    )
+    parser.add_argument(
+        "--link",
+        choices=LINK_NAMES,
+        default="tcp",
+        help="Wi-Fi alone, LoRa alone at the paper's rate, or Wi-Fi that is cut and LoRa (default: tcp)",
     )
     parser.add_argument("--robot", metavar="FILE", type=Path, help="robot.toml instead of the one that comes along")
     parser.add_argument("--station", metavar="FILE", type=Path, help="station.toml instead of the one that comes along")
@@ -72,7 +80,7 @@ def _plan(args: argparse.Namespace) -> _Plan:
         scenario = replace(scenario, imu=replace(scenario.imu, gyro_bias_dps=args.gyro_bias))
     if args.method is not None:
         station = replace(station, method=args.method)
-    return _Plan(scenario, load_robot(args.robot), station)
+    return _Plan(scenario, load_robot(args.robot), station, args.link)
 
 
 def _run_seeds(plan: _Plan, args: argparse.Namespace) -> int:
@@ -108,6 +116,7 @@ def _run_one(plan: _Plan, number: int, out: Path | None) -> Figures:
         say=lambda text: print(f"{_line_break()}{text}", file=sys.stderr),
         progress=progress,
         recording=out / "mission.mcap" if out is not None else None,
+        link=plan.link,
     )
     print(_line_break(), end="", file=sys.stderr)
     if out is not None:

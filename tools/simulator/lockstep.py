@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,8 +13,6 @@ import numpy as np
 from robot_app.app import RobotApp
 from robot_app.config import RobotConfig
 from shared.geometry.se2 import Pose2
-from shared.link.base import ForRadio, Lane, Link, LinkError, LinkHealth, LinkPath, PathChanged
-from shared.link.loopback import LoopbackLink, loopback_pair
 from shared.runtime.clock import ManualClock
 from shared.runtime.runner import LockstepRunner, OnFault, Row, Task
 from station_gui.build import build_station
@@ -26,6 +23,7 @@ from station_gui.model.station import Station
 from tools.director import Director, Outcome
 from tools.simulator.drivers import SimulatedHardware
 from tools.simulator.faults import with_faults
+from tools.simulator.links import LinkName, open_links
 from tools.simulator.scenario import Scenario
 from tools.simulator.slip import SlipFigures
 from tools.simulator.truth import RecordedTruth, read_truth, write_truth
@@ -47,25 +45,31 @@ class MissionResult:
 
 
 class Lockstep:
-    """One robot and one station, joined by a loopback link that can be cut and made again."""
+    """One robot and one station, joined by a link that can be cut and mended."""
 
     def __init__(
-        self, scenario: Scenario, seed: int, robot: RobotConfig, station: StationConfig, recording: Path | None = None
+        self,
+        scenario: Scenario,
+        seed: int,
+        robot: RobotConfig,
+        station: StationConfig,
+        recording: Path | None = None,
+        link: LinkName = "tcp",
     ) -> None:
         self.clock = ManualClock()
+        self.joint = open_links(link, self.clock, seed)
         self.world = World(scenario, seed)
         simulated = SimulatedHardware(self.world, waits=False)
         self.slip, self.imu = simulated.slip, simulated.imu
         hardware, self.faults = with_faults(simulated.hardware)
-        self._link = _Switchboard()
-        self.app = RobotApp(hardware, self._link, self.clock, robot, np.random.default_rng(seed), boot_id=1)
+        self.app = RobotApp(hardware, self.joint.robot, self.clock, robot, np.random.default_rng(seed), boot_id=1)
         self.station: Station = build_station(
-            station, self.clock, 1, make_link=self._link.make, name_recording=lambda: recording
+            station, self.clock, 1, make_link=self.joint.make_station, name_recording=lambda: recording
         )
         self._operator: Callable[[], object] = self.station.view
         self.failures: list[str] = []
         tasks = [*self.app.tasks(), *self.station.tasks(), Task(_OPERATOR, self._operate)]
-        self._runner = LockstepRunner(tasks, self.clock, self.world.advance_to, self._on_fault)
+        self._runner = LockstepRunner(tasks, self.clock, self._advance_to, self._on_fault)
         self.app.use_health(lambda: self._runner.health)
         self.app.warm_up()
 
@@ -81,11 +85,11 @@ class Lockstep:
         self.world.place(room_from_robot)
 
     def cut_link(self) -> None:
-        """The link goes dead and cannot be made again until `mend_link`."""
-        self._link.cut()
+        """Nothing gets through, and no link can be made again, until `mend_link`."""
+        self.joint.cut()
 
     def mend_link(self) -> None:
-        self._link.whole = True
+        self.joint.mend()
 
     def close(self) -> None:
         self.app.shut_down()
@@ -98,61 +102,16 @@ class Lockstep:
             write_truth(self.world, folder)
             return read_truth(folder)
 
+    def _advance_to(self, time_s: float) -> None:
+        self.world.advance_to(time_s)
+        self.joint.advance_to(time_s)
+
     def _operate(self) -> None:
         self._operator()
 
     def _on_fault(self, row: Row, error: Exception) -> None:
         self.failures.append(f"{row.name}: {error}")
         self.app.on_fault(row, error)
-
-
-class _Switchboard:
-    """The robot's end of whatever loopback stands now."""
-
-    path = LinkPath.WIFI
-    mends_itself = False
-
-    def __init__(self) -> None:
-        self.whole = True
-        self.resets = 0
-        self.events: deque[PathChanged] = deque(maxlen=1)
-        self._robot: LoopbackLink | None = None
-        self.statistics = loopback_pair()[0].statistics
-
-    def make(self, host: str, port: int) -> Link:
-        if not self.whole:
-            raise LinkError(f"cannot connect to {host}:{port}: no answer in time")
-        self._robot, station = loopback_pair()
-        self.resets += 1
-        self.statistics = self._robot.statistics
-        return station
-
-    def cut(self) -> None:
-        self.whole = False
-        self.close()
-
-    @property
-    def connected(self) -> bool:
-        return self._robot is not None and self._robot.connected
-
-    @property
-    def has_room(self) -> bool:
-        return self._robot is not None and self._robot.has_room
-
-    @property
-    def health(self) -> LinkHealth:
-        return LinkHealth(wifi=self.connected)
-
-    def send(self, datagram: bytes, lane: Lane = Lane.BULK, slot: int = 0, for_radio: ForRadio | None = None) -> bool:
-        del slot, for_radio
-        return self._robot is not None and self._robot.connected and self._robot.send(datagram, lane)
-
-    def receive(self, timeout_s: float) -> bytes | None:
-        return self._robot.receive(timeout_s) if self._robot is not None and self._robot.connected else None
-
-    def close(self) -> None:
-        if self._robot is not None:
-            self._robot.close()
 
 
 class Orders:
@@ -182,12 +141,13 @@ def run_mission(
     say: Callable[[str], None],
     progress: Callable[[float], None],
     recording: Path | None = None,
+    link: LinkName = "tcp",
 ) -> MissionResult:
     """The demo's mission; `progress` is told the simulated seconds now and then. The truth is kept beside a recording.
 
     Raises `RuntimeError` when a task of the robot or of the station failed: in a mission without faults that is a bug.
     """
-    system = Lockstep(scenario, seed, robot, station, recording)
+    system = Lockstep(scenario, seed, robot, station, recording, link)
     director = Director(Orders(system.station), scenario.goals_in_start_frame_m(), say)
     system.use_operator(lambda: director.step(system.station.view()))
     try:

@@ -6,9 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from shared.link.es920lr.settings import RadioSettings
 from shared.link.failover.link import Failover
 from shared.link.failover.watch import FailoverConfig
 from shared.link.radio_pair.config import PairConfig
+from shared.runtime.clock import ManualClock
 from tools.simulator.radio.loss import Independent, LossModel
 from tools.simulator.radio.pair_rig import PairRig
 from tools.simulator.wifi import CuttableWifi
@@ -25,8 +27,12 @@ class FailoverRig:
         pair: PairConfig = HOT,
         config: FailoverConfig | None = None,
         loss: Callable[[], LossModel] = Independent,
+        settings: RadioSettings | None = None,
+        clock: ManualClock | None = None,
+        steps: bool = True,
     ) -> None:
-        self.radios = PairRig(seed, config=pair, loss=loss)
+        """`steps`: move the failover at each event; without, it moves when it is asked for what has come."""
+        self.radios = PairRig(seed, settings, pair, loss, clock=clock)
         self.clock = self.radios.clock
         self.rng = np.random.default_rng(seed + 100)
         self.wifi = CuttableWifi(self.clock, self.rng)
@@ -34,7 +40,8 @@ class FailoverRig:
         self.robot = Failover(self.wifi.robot_end, self.radios.robot, self.clock, self.rng.bytes, config)
         self.station = Failover(self.wifi.connect, self.radios.station, self.clock, self.rng.bytes, config)
         self.at_each_event: Callable[[], None] = lambda: None
-        self.radios.at_each_event = self._step
+        if steps:
+            self.radios.at_each_event = self._step
 
     def restart_station(self) -> None:
         """Another program on the station."""
