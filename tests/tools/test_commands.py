@@ -50,7 +50,7 @@ def test_every_command_explains_itself(command: str) -> None:
     assert len(done.stdout) > 300
 
 
-@pytest.mark.parametrize("evaluation", ["mission", "kidnap", "slam", "urg", "extraction"])
+@pytest.mark.parametrize("evaluation", ["mission", "map", "kidnap", "slam", "urg", "extraction"])
 def test_every_evaluation_explains_itself(evaluation: str) -> None:
     assert "--json" in call("evaluate", evaluation, "--help").stdout
 

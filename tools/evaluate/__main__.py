@@ -9,10 +9,12 @@ from shared.command_line import Parser, run, set_up_logging
 from tools.evaluate import kidnap, mission, slam, urg
 from tools.evaluate.depth import extraction, lateness, learners, tables
 from tools.evaluate.link import air, codec
+from tools.evaluate.mapping import command as mapping
 from tools.logs.base import LogError
 
 _COMMANDS = {
     "mission": (mission, "the demo's mission in lock-step, no window"),
+    "map": (mapping, "missions with different seeds, their 2D and 3D maps against the truth"),
     "slam": (slam, "2D SLAM on a recorded log, against hand-made relations"),
     "urg": (urg, "walls and revisits of the map of a log without a ground truth"),
     "kidnap": (kidnap, "finding a robot that was put down anywhere in a saved map"),

@@ -19,6 +19,7 @@ from shared.geometry.se2 import Pose2
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 _STEPS_PER_TURN = 1024
 _HALF_CAR_M = 0.10
+_CLOSED = frozenset({"box", "wall"})
 _MIN_HEIGHT_M = 0.10  # the low scanner must see everything that the robot could touch
 
 
@@ -36,12 +37,12 @@ class Room:
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """A thing in the room: a closed box, a table on four legs, or a chair (legs, seat and back)."""
+    """A thing in the room: a closed box, a table on four legs, a chair (legs, seat and back), or a wall within it."""
 
     name: str
     position_m: tuple[float, float]  # of its middle
     size_m: tuple[float, float, float]  # along its own x, along its own y, height
-    kind: Literal["box", "table", "chair"] = "box"
+    kind: Literal["box", "table", "chair", "wall"] = "box"
     yaw_deg: float = 0.0
     reflectivity: float = 0.6  # diffuse, 0 to 1, at the wavelength of scanner and camera
     leg_m: float = 0.04  # side of a square leg
@@ -252,7 +253,7 @@ class Scenario:
                 raise ValueError(f"items: {item.name} at ({x}, {y}) is not in the room")
         places = [("start", self.start.position_m), *(("goals", goal.position_m) for goal in self.goals)]
         for what, place in places:
-            inside = next((item.name for item in self.items if item.kind == "box" and _covers(item, place)), None)
+            inside = next((item.name for item in self.items if item.kind in _CLOSED and _covers(item, place)), None)
             if inside is not None:
                 raise ValueError(f"{what}: {place} is in or against {inside}")
 

@@ -51,7 +51,7 @@ def wall_solids(room: Room) -> tuple[Solid, ...]:
 
 def item_solids(item: Item) -> Iterator[Solid]:
     half_x, half_y, height = item.size_m[0] / 2, item.size_m[1] / 2, item.size_m[2]
-    if item.kind == "box":
+    if item.kind in {"box", "wall"}:
         yield _placed(item, "", (0.0, 0.0, height / 2), (half_x, half_y, height / 2))
         return
     top = height if item.kind == "table" else min(_SEAT_M, height)

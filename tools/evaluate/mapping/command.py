@@ -1,0 +1,142 @@
+"""`evaluate map`: missions in lock-step with different seeds, and how good their 2D and 3D maps are.
+
+Missions are simulated once and mapped as often as wanted: with `--recording DIR` they are kept in DIR, a folder for
+each, and taken from there the next time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import math
+import sys
+import tempfile
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any, NoReturn
+
+from tqdm import tqdm
+
+from robot_app.config import load_config as load_robot
+from shared.command_line import EXIT_FAILED, EXIT_OK, seed, whole_number_in
+from station_gui.config import load_config as load_station
+from tools.evaluate.mapping.repeat import repeatability
+from tools.evaluate.mapping.trial import Trial, is_recorded, map_again, simulate
+from tools.simulator.scenario import find_scenario
+
+tqdm.monitor_interval = 0  # its thread would outlive the bar
+
+LINKS = ("tcp",)
+_MORE_IS_BETTER = frozenset({"map_completeness", "object_recall", "refresh_hz"})
+_SHOWN = (
+    "map_rmse_m", "map_completeness", "object_rmse_m", "object_recall", "phantom_objects", "height_error_m",
+    "slam_ms_p50", "combine_ms_p50", "bytes_per_observation", "refresh_hz",
+)  # fmt: skip
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--scenario", default="lab", help="a scenario's name or TOML file (default: lab)")
+    parser.add_argument("--trials", type=whole_number_in(1, 100), default=5, metavar="N", help="missions (default: 5)")
+    parser.add_argument("--seed", type=seed, default=1, help="of the first; the next ones count on (default: 1)")
+    parser.add_argument("--link", choices=LINKS, default="tcp", help="between robot and station (default: tcp)")
+    parser.add_argument(
+        "--recording",
+        metavar="DIR",
+        type=Path,
+        help="missions are kept here and mapped again the next time, which needs no simulation",
+    )
+    parser.add_argument("--robot", metavar="FILE", type=Path, help="robot.toml instead of the one that comes along")
+    parser.add_argument("--station", metavar="FILE", type=Path, help="station.toml instead of the one that comes along")
+    parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
+
+
+def run(args: argparse.Namespace) -> int:
+    logging.getLogger("station").setLevel(logging.ERROR)
+    logging.getLogger("robot_app").setLevel(logging.ERROR)
+    with tempfile.TemporaryDirectory() as passing:
+        trials = _trials(args, args.recording if args.recording is not None else Path(passing))
+    report = _report(args, trials)
+    if args.json:
+        print(json.dumps(report))
+    return EXIT_OK if report["finished"] else EXIT_FAILED
+
+
+def _trials(args: argparse.Namespace, folder: Path) -> list[Trial]:
+    scenario, robot, station = find_scenario(args.scenario), load_robot(args.robot), load_station(args.station)
+    print(_header(), flush=True)
+    trials: list[Trial] = []
+    warm = False
+    for number in range(args.seed, args.seed + args.trials):
+        place = folder / f"{scenario.name}-{args.link}-{number}"
+        if not is_recorded(place):
+            with tqdm(desc=place.name, unit=" s simulated", disable=not sys.stderr.isatty(), leave=False) as bar:
+                simulate(scenario, args.link, number, robot, station, place, partial(_show, bar))
+        if not warm:
+            map_again(place, station)  # loads the kernels, so that the first trial is timed like the others
+            warm = True
+        trials.append(map_again(place, station))
+        print(_row(str(number), figures_of(trials[-1])), flush=True)
+    return trials
+
+
+def _show(bar: tqdm[NoReturn], simulated_s: float) -> None:
+    bar.update(round(simulated_s) - bar.n)
+
+
+def figures_of(trial: Trial) -> dict[str, Any]:
+    """By the names of the report."""
+    driven = asdict(trial.driven)
+    return {
+        "seed": driven.pop("seed"),
+        **asdict(trial.map_error),
+        **asdict(trial.object_error),
+        **trial.costs.figures(),
+        "observations": len(trial.costs.slam),
+        **{key: value for key, value in driven.items() if key not in {"scenario", "link"}},
+    }
+
+
+def _report(args: argparse.Namespace, trials: list[Trial]) -> dict[str, Any]:
+    runs = [figures_of(trial) for trial in trials]
+    alike = repeatability([t.objects.segments_m for t in trials], [t.occupied_m for t in trials])
+    numbers = [key for key, value in runs[0].items() if isinstance(value, (int, float)) and key != "seed"]
+    overall = {key: _mean([run[key] for run in runs]) for key in numbers if not isinstance(runs[0][key], bool)}
+    worst = {key: _worst(key, [run[key] for run in runs]) for key in overall}
+    print(_row("mean", overall))
+    print(_row("worst", worst))
+    for key, value in asdict(alike).items():
+        print(f"{key:24} {value:.4f}")
+    head = {"scenario": args.scenario, "link": args.link, "finished": all(run["finished"] for run in runs)}
+    report = head | overall | asdict(alike) | {"worst": worst, "trials": runs}
+    return {key: _rounded(value) for key, value in report.items()}
+
+
+def _mean(values: list[float]) -> float:
+    there = [value for value in values if not math.isnan(value)]
+    return sum(there) / len(there) if there else math.nan
+
+
+def _worst(key: str, values: list[float]) -> float:
+    there = [value for value in values if not math.isnan(value)] or [math.nan]
+    return min(there) if key in _MORE_IS_BETTER else max(there)
+
+
+def _rounded(value: Any) -> Any:
+    """Without digits that mean nothing; what is no number becomes null."""
+    if isinstance(value, dict):
+        return {key: _rounded(inner) for key, inner in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_rounded(inner) for inner in value]
+    if isinstance(value, float):
+        return None if math.isnan(value) else round(value, 5)
+    return value
+
+
+def _header() -> str:
+    return f"{'trial':>6}" + "".join(f"{key:>{len(key) + 2}}" for key in _SHOWN)
+
+
+def _row(name: str, figures: dict[str, Any]) -> str:
+    return f"{name:>6}" + "".join(f"{figures[key]:>{len(key) + 2}.4g}" for key in _SHOWN)

@@ -1,0 +1,120 @@
+"""How far a map of objects is from the true things. All maps here are in the room's frame.
+
+`object_rmse_m`: of every 2 cm of all edges in the map to the nearest true surface. `object_recall`: found of those
+things that have a vertical edge in view for 10 cm or more from somewhere on the way; one is found when 70 % of these
+edges are, and an edge is when along half of what can be seen of it a nearly upright edge of the map is within 4 cm.
+`phantom_objects`: those that lie farther than 10 cm from every true surface over more than half of their length.
+`height_error_m`: RMS, over the found things whose upper rim was in view, of the highest point of the map that is
+nearer to this thing than to any other, against its true height. `edge_rmse_m`: of the found edges, across.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from station_gui.mapping.snapshot import ObjectMap
+from tools.evaluate.mapping.edges import STEP_M, SeenThings, TrueEdge
+from tools.evaluate.mapping.world import TrueWorld
+
+FloatArray = NDArray[np.float64]
+
+_EDGE_NEAR_M = 0.04
+_EDGE_SHARE = 0.5  # of what can be seen of an edge
+_ITEM_SHARE = 0.7  # of the edges that can be seen of a thing
+_PHANTOM_M = 0.10
+_UPRIGHT_COS = math.cos(math.radians(30.0))
+_FINE_M = 0.005
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectError:
+    """Not a number where there is nothing to measure."""
+
+    object_rmse_m: float
+    edge_rmse_m: float
+    object_recall: float
+    phantom_objects: int
+    height_error_m: float
+    objects: int  # in the map
+    true_objects: int  # that can have been seen
+    missed: tuple[str, ...]
+
+
+def object_error(objects: ObjectMap, world: TrueWorld, things: SeenThings) -> ObjectError:
+    """`objects`: room frame."""
+    segments_m = objects.segments_m
+    points_m, segment = sampled(segments_m, STEP_M)
+    off_m = np.abs(world.signed_distance_m(points_m))
+    matched_m = _matched_edges(segments_m, things.edges)
+    found = _found_items(things, matched_m)
+    across_m = np.concatenate([*matched_m.values(), np.zeros(0)])
+    names = [world.scenario.items[k].name for k in things.items if k not in found]
+    return ObjectError(
+        object_rmse_m=_rms(off_m),
+        edge_rmse_m=_rms(across_m),
+        object_recall=len(found) / len(things.items) if things.items else math.nan,
+        phantom_objects=_phantoms(off_m, objects.cluster[segment]),
+        height_error_m=_height_error_m(points_m[off_m < _PHANTOM_M], world, things, found),
+        objects=len(np.unique(objects.cluster)),
+        true_objects=len(things.items),
+        missed=tuple(names),
+    )
+
+
+def sampled(segments_m: NDArray[np.floating], step_m: float) -> tuple[FloatArray, NDArray[np.int64]]:
+    """The middles (N, 3) of pieces of about `step_m` of all segments (S, 2, 3), and the segment of each."""
+    starts_m = np.asarray(segments_m[:, 0], dtype=np.float64)
+    along = segments_m[:, 1] - starts_m
+    counts = np.maximum(1, np.round(np.linalg.norm(along, axis=1) / step_m)).astype(np.int64)
+    segment = np.repeat(np.arange(len(counts)), counts)
+    number = np.arange(len(segment)) - np.repeat(np.cumsum(counts) - counts, counts)
+    share = ((number + 0.5) / counts[segment])[:, None] if len(segment) else np.zeros((0, 1))
+    return starts_m[segment] + share * along[segment], segment
+
+
+def _matched_edges(segments_m: NDArray[np.floating], edges: list[TrueEdge]) -> dict[int, FloatArray]:
+    """By the index of each true edge that is found: how far the map's is from each of its samples."""
+    along = segments_m[:, 1] - segments_m[:, 0]
+    upright = np.abs(along[:, 2]) > _UPRIGHT_COS * np.maximum(np.linalg.norm(along, axis=1), 1e-9)
+    if not upright.any():
+        return {}
+    tree = cKDTree(sampled(segments_m[upright], _FINE_M)[0])
+    matched_m: dict[int, FloatArray] = {}
+    for k, edge in enumerate(edges):
+        distance_m = np.asarray(tree.query(edge.seen_m)[0], dtype=np.float64)
+        near_m = distance_m[distance_m <= _EDGE_NEAR_M]
+        if len(near_m) >= _EDGE_SHARE * len(distance_m):
+            matched_m[k] = near_m
+    return matched_m
+
+
+def _found_items(things: SeenThings, matched_m: dict[int, FloatArray]) -> set[int]:
+    of_item: dict[int, list[bool]] = {}
+    for k, edge in enumerate(things.edges):
+        of_item.setdefault(edge.item, []).append(k in matched_m)
+    return {item for item, hits in of_item.items() if sum(hits) >= _ITEM_SHARE * len(hits)}
+
+
+def _phantoms(off_m: FloatArray, cluster: NDArray[np.int32]) -> int:
+    if len(cluster) == 0:
+        return 0
+    pieces = np.bincount(cluster)
+    far = np.bincount(cluster, weights=off_m > _PHANTOM_M)
+    return int(np.count_nonzero(far > 0.5 * np.maximum(pieces, 1)))
+
+
+def _height_error_m(points_m: FloatArray, world: TrueWorld, things: SeenThings, found: set[int]) -> float:
+    """`points_m`: (N, 3) of the map, near true surfaces."""
+    item = world.nearest_item(points_m)
+    measured = [k for k in sorted(found & things.tops_m.keys()) if (item == k).any()]
+    off_m = [points_m[item == k, 2].max() - things.tops_m[k] for k in measured]
+    return _rms(np.array(off_m))
+
+
+def _rms(values: FloatArray) -> float:
+    return math.sqrt(float(np.mean(np.square(values)))) if len(values) else math.nan
