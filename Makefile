@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV   := .venv
 READY  := $(VENV)/.ready
 
-.PHONY: help setup kernels demo test lint lock clean firmware flash-transceiver
+.PHONY: help setup kernels demo test lint lock clean firmware flash-transceiver image card
 
 help:
 	@echo "make demo            the whole mission on the simulated robot, in the operator's window"
@@ -12,6 +12,9 @@ help:
 	@echo "make setup           make $(VENV) and install everything into it"
 	@echo "make firmware        build the transceiver's firmware for the Arduino Mega; flash and RAM it takes"
 	@echo "make flash-transceiver PORT=/dev/ttyACM0   build it and upload it"
+	@echo "make image BASE=raspios.img.xz WIFI=lab COUNTRY=JP KEY=~/.ssh/id_ed25519.pub PAIRING=pairing.pem"
+	@echo "                     an image for the robot's card, out/robot.img; CONFIG=robot.toml for one of your own"
+	@echo "make card CARD=/media/you/bootfs ...   the same on a card that Raspberry Pi OS was written to"
 	@echo "make lock            find new versions and write requirements/*.lock (needs uv)"
 	@echo "make clean           remove $(VENV), out/ and build/"
 
@@ -40,6 +43,17 @@ firmware:
 
 flash-transceiver: firmware
 	@PORT="$(PORT)" sh arduino/transceiver/flash.sh
+
+CARD_OPTIONS = $(if $(HOST),--hostname $(HOST)) $(if $(KEY),--ssh-key $(KEY)) $(if $(WIFI),--wifi "$(WIFI)") \
+    $(if $(COUNTRY),--country $(COUNTRY)) $(if $(PAIRING),--pairing $(PAIRING)) $(if $(CONFIG),--config $(CONFIG))
+
+image: $(READY)
+	@test -n "$(BASE)" || { echo "say which Raspberry Pi OS: make image BASE=raspios-lite-arm64.img.xz" >&2; exit 2; }
+	@$(VENV)/bin/python -m tools.flash image $(BASE) --wheels build/wheels-aarch64 $(CARD_OPTIONS)
+
+card: $(READY)
+	@test -n "$(CARD)" || { echo "say where its boot partition is mounted: make card CARD=/media/you/bootfs" >&2; exit 2; }
+	@$(VENV)/bin/python -m tools.flash card $(CARD) --wheels build/wheels-aarch64 $(CARD_OPTIONS)
 
 lock:
 	uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links \

@@ -39,11 +39,6 @@ python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || fail "Python 3.
 
 say() { echo "== $*"; }
 
-if ! python3 -c 'import ensurepip' 2>/dev/null; then
-    say "python3-venv"
-    apt-get update -q && DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends python3-venv
-fi
-
 say "user, groups, device rules"
 install -D -m 0644 "$SOURCE/systemd/sysusers.conf" /etc/sysusers.d/robot.conf
 systemd-sysusers /etc/sysusers.d/robot.conf
@@ -55,14 +50,21 @@ echo i2c-dev >/etc/modules-load.d/robot.conf
 
 say "app, into $HOME_DIR"
 mkdir -p "$HOME_DIR/docs"
-[ -x "$HOME_DIR/venv/bin/python" ] || python3 -m venv "$HOME_DIR/venv"
-pip() { "$HOME_DIR/venv/bin/python" -m pip --disable-pip-version-check --no-input "$@"; }
+venv=$HOME_DIR/venv/bin/python
+pip() { "$venv" -m pip --disable-pip-version-check --no-input install --quiet "$@"; }
 if [ -n "$wheels" ]; then
-    pip install --quiet --no-index --find-links "$wheels" --require-hashes -r "$SOURCE/requirements/robot.lock"
-    pip install --quiet --no-index --find-links "$wheels" --no-deps --force-reinstall "$wheels"/low_bandwidth_mapper-*.whl
+    # Debian keeps ensurepip in a package of its own, which is not needed so.
+    [ -x "$venv" ] || python3 -m venv --without-pip "$HOME_DIR/venv"
+    "$venv" "$(ls "$wheels"/pip-*.whl | tail -n 1)/pip" install --quiet --no-index --find-links "$wheels" --upgrade pip
+    pip --no-index --find-links "$wheels" -r "$SOURCE/requirements/robot.lock"
+    pip --no-index --no-deps --force-reinstall "$wheels"/low_bandwidth_mapper-*.whl
 else
-    pip install --quiet --require-hashes -r "$SOURCE/requirements/robot.lock"
-    pip install --quiet --no-deps --force-reinstall "$SOURCE"
+    if ! python3 -c 'import ensurepip' 2>/dev/null; then
+        apt-get update -q && DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends python3-venv
+    fi
+    [ -x "$venv" ] || python3 -m venv "$HOME_DIR/venv"
+    pip --require-hashes -r "$SOURCE/requirements/robot.lock"
+    pip --no-deps --force-reinstall "$SOURCE"
 fi
 install -m 0755 "$SOURCE/systemd/motors-off.sh" "$HOME_DIR/motors-off"
 install -m 0644 "$SOURCE/docs/robot.md" "$HOME_DIR/docs/robot.md"

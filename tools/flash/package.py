@@ -1,0 +1,84 @@
+"""The first-boot package: one archive and one script on the card's boot partition."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import tarfile
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from tools.flash.settings import CardSettings
+from tools.flash.wheels import Say, fetch
+
+PROJECT = Path(__file__).resolve().parents[2]
+ARCHIVE, SCRIPT = "robot-first-boot.tar", "first-boot.sh"
+_FOLDERS = ("systemd", "docs")
+_RUN = "systemd.run=/boot/firmware/first-boot.sh"
+_FIRST_START = (
+    f"{_RUN} systemd.run_success_action=reboot systemd.run_failure_action=reboot "
+    "systemd.unit=kernel-command-line.target"
+)
+_SECRET = frozenset({"pairing.pem", "settings.sh"})
+
+
+@dataclass(frozen=True, slots=True)
+class Package:
+    archive: bytes
+    script: bytes
+
+    def files(self) -> dict[str, bytes]:
+        return {ARCHIVE: self.archive, SCRIPT: self.script}
+
+
+def build(settings: CardSettings, wheels: Path | None, say: Say) -> Package:
+    """Everything that the Pi needs. `wheels`: a folder kept between calls; a temporary one without.
+
+    Raises `Refused` when a package cannot be fetched.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        into = wheels or Path(folder)
+        pinned = fetch(PROJECT / "requirements" / "robot.lock", PROJECT, into, say)
+        files = _sources()
+        files |= {f"wheels/{path.name}": path.read_bytes() for path in sorted(into.glob("*.whl"))}
+    files["requirements/robot.lock"] = ("\n".join(pinned) + "\n").encode()
+    files["settings.sh"] = settings.as_shell().encode()
+    robot_toml = settings.robot_toml or PROJECT / "robot_app" / "robot.toml"
+    files["robot.toml"] = robot_toml.read_bytes()
+    if settings.pairing is not None:
+        files["pairing.pem"] = settings.pairing.read_bytes()
+    return Package(archive_of(files), (PROJECT / "tools" / "flash" / SCRIPT).read_bytes())
+
+
+def archive_of(files: dict[str, bytes]) -> bytes:
+    """A tar archive with the check sums of all files in SHA256SUMS; what is secret can be read by root alone."""
+    sums = "".join(f"{hashlib.sha256(data).hexdigest()}  {name}\n" for name, data in sorted(files.items()))
+    out = io.BytesIO()
+    with tarfile.open(fileobj=out, mode="w") as archive:
+        for name, data in sorted({**files, "SHA256SUMS": sums.encode()}.items()):
+            entry = tarfile.TarInfo(name)
+            entry.size = len(data)
+            entry.mode = 0o600 if name in _SECRET else 0o755 if name.endswith(".sh") else 0o644
+            archive.addfile(entry, io.BytesIO(data))
+    return out.getvalue()
+
+
+def first_start(cmdline: str) -> str:
+    """The kernel's command line with our script at the next start; once, however often it is prepared.
+
+    Raises ValueError for a line that is none.
+    """
+    line = cmdline.strip()
+    if "root=" not in line or "\n" in line:
+        raise ValueError("cmdline.txt is not that of a Raspberry Pi OS: it is one line and names the root partition")
+    return (line if _RUN in line else f"{line} {_FIRST_START}") + "\n"
+
+
+def _sources() -> dict[str, bytes]:
+    return {
+        str(path.relative_to(PROJECT)): path.read_bytes()
+        for folder in _FOLDERS
+        for path in sorted((PROJECT / folder).iterdir())
+        if path.is_file()
+    }
