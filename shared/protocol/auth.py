@@ -72,7 +72,7 @@ class SealKey:
 
     def open(self, packet: bytes, counter: int) -> bytes | None:
         """The body, or None when this is not what `seal` made with this counter."""
-        if len(packet) < self.overhead_bytes:
+        if not 0 <= len(packet) - self.overhead_bytes <= _MOST_BODY_BYTES:
             return None
         head, tag = packet[:1], packet[-self.tag_bytes :]
         body = self._crypt(tag, counter, packet[1 : -self.tag_bytes])
