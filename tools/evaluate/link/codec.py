@@ -107,11 +107,15 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _sources(args: argparse.Namespace) -> Iterable[tuple[str, list[Observation]]]:
-    for log in args.logs:
-        name = log.name.split(".")[0]
-        yield (name, recorded(log)) if log.suffix == ".mcap" else (name, [thinned(o) for o in UrgReader(log)])
+    yield from map(observations_of, args.logs)
     if args.lab:
         yield "lab", lab_mission(args.seed)
+
+
+def observations_of(log: Path) -> tuple[str, list[Observation]]:
+    """A log's name and what is in it."""
+    name = log.name.split(".")[0]
+    return name, recorded(log) if log.suffix == ".mcap" else [thinned(o) for o in UrgReader(log)]
 
 
 def recorded(path: Path) -> list[Observation]:
