@@ -18,7 +18,7 @@ from tools.simulator.radio.loss import Independent, LossModel
 from tools.simulator.radio.ports import EmulatedPort
 from tools.simulator.radio.timeline import Timeline
 
-_CHANNELS = (1, 5)
+CHANNELS = (1, 5)
 _STEP_S = 0.0005  # the programs look that often while bytes come; the air keeps its own exact times
 _LONGEST_STEP_S = 0.02
 
@@ -115,7 +115,7 @@ class PairRig:
 
     def _module(self, name: str, pair: int, own: int, to: int) -> EmulatedEs920lr:
         flash = dataclasses.replace(
-            self.settings, channel=_CHANNELS[pair], own_id=own + 2 * pair, destination_id=to + 2 * pair
+            self.settings, channel=CHANNELS[pair], own_id=own + 2 * pair, destination_id=to + 2 * pair
         )
         module = EmulatedEs920lr(self.timeline, self.channel, name, flash, (0.0, 0.0 if own == 1 else 5.0))
         module.power_on()
