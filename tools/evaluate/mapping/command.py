@@ -24,11 +24,11 @@ from shared.command_line import EXIT_FAILED, EXIT_OK, seed, whole_number_in
 from station_gui.config import load_config as load_station
 from tools.evaluate.mapping.repeat import repeatability
 from tools.evaluate.mapping.trial import Trial, is_recorded, map_again, simulate
+from tools.simulator.links import LINK_NAMES
 from tools.simulator.scenario import find_scenario
 
 tqdm.monitor_interval = 0  # its thread would outlive the bar
 
-LINKS = ("tcp",)
 _MORE_IS_BETTER = frozenset({"map_completeness", "object_recall", "refresh_hz"})
 _SHOWN = (
     "map_rmse_m", "map_completeness", "object_rmse_m", "object_recall", "phantom_objects", "height_error_m",
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scenario", default="lab", help="a scenario's name or TOML file (default: lab)")
     parser.add_argument("--trials", type=whole_number_in(1, 100), default=5, metavar="N", help="missions (default: 5)")
     parser.add_argument("--seed", type=seed, default=1, help="of the first; the next ones count on (default: 1)")
-    parser.add_argument("--link", choices=LINKS, default="tcp", help="between robot and station (default: tcp)")
+    parser.add_argument("--link", choices=LINK_NAMES, default="tcp", help="between robot and station (default: tcp)")
     parser.add_argument(
         "--recording",
         metavar="DIR",

@@ -22,6 +22,7 @@ from tools.evaluate.mapping.score import ObjectError, object_error
 from tools.evaluate.mapping.timing import Costs, TimedPipeline
 from tools.evaluate.mapping.world import camera_places, true_world
 from tools.replay import MissionSource
+from tools.simulator.links import LinkName
 from tools.simulator.lockstep import run_mission
 from tools.simulator.scenario import Scenario
 from tools.simulator.truth import RecordedTruth, read_truth
@@ -65,7 +66,7 @@ def is_recorded(folder: Path) -> bool:
 
 def simulate(
     scenario: Scenario,
-    link: str,
+    link: LinkName,
     seed: int,
     robot: RobotConfig,
     station: StationConfig,
@@ -76,7 +77,7 @@ def simulate(
     if folder.exists():
         shutil.rmtree(folder)
     folder.mkdir(parents=True)
-    result = run_mission(scenario, seed, robot, station, _quiet, progress, folder / _RECORDING)
+    result = run_mission(scenario, seed, robot, station, _quiet, progress, folder / _RECORDING, link)
     figures, outcome = result.figures, result.outcome
     driven = Driven(
         scenario.name,
