@@ -6,7 +6,7 @@ import argparse
 import json
 import logging
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from robot_app.config import RobotConfig
@@ -15,12 +15,14 @@ from shared.command_line import EXIT_FAILED, EXIT_OK, seed
 from shared.runtime.clock import stopwatch_s
 from station_gui.config import StationConfig
 from station_gui.config import load_config as load_station
+from tools.evaluate.link.on_missions import link_figures
 from tools.evaluate.seeds import Figures, header, over_seeds, row, seed_list
 from tools.evaluate.summary import summarise
 from tools.pictures import draw_map
 from tools.simulator.links import LINK_NAMES, LinkName
 from tools.simulator.lockstep import MissionResult, run_mission
 from tools.simulator.scenario import Scenario, SlipParameters, find_scenario
+from tools.simulator.witness import Witness
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +100,7 @@ def _run_seeds(plan: _Plan, args: argparse.Namespace) -> int:
 
 
 def _run_one(plan: _Plan, number: int, out: Path | None) -> Figures:
-    began_s = stopwatch_s()
+    began_s, witness = stopwatch_s(), Witness()
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
 
@@ -117,11 +119,13 @@ def _run_one(plan: _Plan, number: int, out: Path | None) -> Figures:
         progress=progress,
         recording=out / "mission.mcap" if out is not None else None,
         link=plan.link,
+        witness=witness,
     )
     print(_line_break(), end="", file=sys.stderr)
     if out is not None:
         _draw(result, out)
-    return _figures(plan.scenario, result)
+    link = asdict(link_figures(witness, result.cuts, result.outcome.ended_s)) if plan.link != "tcp" else {}
+    return _figures(plan.scenario, result) | {f"link_{key}": round(value, 4) for key, value in link.items()}
 
 
 def _figures(scenario: Scenario, result: MissionResult) -> Figures:

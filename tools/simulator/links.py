@@ -18,6 +18,7 @@ from shared.runtime.clock import ManualClock
 from tools.simulator.radio.failover_rig import FailoverRig
 from tools.simulator.radio.loss import Independent
 from tools.simulator.radio.pair_rig import PairRig, link_settings
+from tools.simulator.witness import Side, Witness
 
 LinkName = Literal["tcp", "lora", "switch"]
 LINK_NAMES: tuple[LinkName, ...] = get_args(LinkName)
@@ -25,7 +26,20 @@ PAPER_BANDWIDTH_HZ = 250_000  # at SF7 two modules carry 6.02 kbps then, the pap
 FASTEST_BANDWIDTH_HZ = 500_000
 
 
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """Of Wi-Fi."""
+
+    from_s: float
+    to_s: float
+
+
 class Joint(Protocol):
+    @property
+    def cuts(self) -> tuple[Cut, ...]:
+        """That have come about by themselves."""
+        ...
+
     @property
     def robot(self) -> Link:
         """The robot's end, the same for the whole mission."""
@@ -58,6 +72,8 @@ def open_links(name: LinkName, clock: ManualClock, seed: int, bandwidth_hz: int 
 class LoopbackJoint:
     """As Wi-Fi that is always there: nothing takes any time."""
 
+    cuts: tuple[Cut, ...] = ()
+
     def __init__(self, clock: ManualClock) -> None:
         self._clock = clock
         self.robot = _Switchboard()
@@ -78,6 +94,8 @@ class LoopbackJoint:
 
 class RadioJoint:
     """LoRa alone, through emulated modules."""
+
+    cuts: tuple[Cut, ...] = ()
 
     def __init__(self, clock: ManualClock, seed: int, bandwidth_hz: int) -> None:
         self._clock = clock
@@ -121,7 +139,7 @@ class SwitchJoint:
         self._times = times or CutTimes()
         self._rng = np.random.default_rng(seed + 1_000)
         self.rig = FailoverRig(seed, settings=link_settings(bandwidth_hz), clock=clock, steps=False)
-        self.cuts: list[tuple[float, float]] = []  # from, to
+        self.cuts: tuple[Cut, ...] = ()
         self._next_s = clock.now_s() + self._times.first_s
         self._made = False
 
@@ -157,10 +175,36 @@ class SwitchJoint:
         if wifi.whole:
             wifi.cut()
             self._next_s = now_s + float(self._rng.uniform(*self._times.away_s))
-            self.cuts.append((now_s, self._next_s))
+            self.cuts += (Cut(now_s, self._next_s),)
         else:
             wifi.restore()
             self._next_s = now_s + float(self._rng.uniform(*self._times.there_s))
+
+
+class WatchedJoint:
+    """With a witness at both ends."""
+
+    def __init__(self, inner: Joint, witness: Witness, clock: ManualClock) -> None:
+        self._inner = inner
+        self._witness = witness
+        self._clock = clock
+        self.robot = witness.watch(inner.robot, Side.ROBOT, clock)
+
+    @property
+    def cuts(self) -> tuple[Cut, ...]:
+        return self._inner.cuts
+
+    def make_station(self, host: str, port: int) -> Link:
+        return self._witness.watch(self._inner.make_station(host, port), Side.STATION, self._clock)
+
+    def advance_to(self, time_s: float) -> None:
+        self._inner.advance_to(time_s)
+
+    def cut(self) -> None:
+        self._inner.cut()
+
+    def mend(self) -> None:
+        self._inner.mend()
 
 
 class _Switchboard:

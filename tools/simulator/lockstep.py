@@ -23,10 +23,11 @@ from station_gui.model.station import Station
 from tools.director import Director, Outcome
 from tools.simulator.drivers import SimulatedHardware
 from tools.simulator.faults import with_faults
-from tools.simulator.links import LinkName, open_links
+from tools.simulator.links import Cut, Joint, LinkName, WatchedJoint, open_links
 from tools.simulator.scenario import Scenario
 from tools.simulator.slip import SlipFigures
 from tools.simulator.truth import RecordedTruth, read_truth, write_truth
+from tools.simulator.witness import Witness
 from tools.simulator.world import World
 
 _OPERATOR = Row("operator", 10.0, 1.0, 0.1, OnFault.RETRY)
@@ -42,6 +43,7 @@ class MissionResult:
     outcome: Outcome
     slip: SlipFigures
     gyro_bias_dps: float  # of the axis that points up, at the end
+    cuts: tuple[Cut, ...] = ()  # of Wi-Fi
 
 
 class Lockstep:
@@ -55,9 +57,12 @@ class Lockstep:
         station: StationConfig,
         recording: Path | None = None,
         link: LinkName = "tcp",
+        witness: Witness | None = None,
     ) -> None:
         self.clock = ManualClock()
-        self.joint = open_links(link, self.clock, seed)
+        self.joint: Joint = open_links(link, self.clock, seed)
+        if witness is not None:
+            self.joint = WatchedJoint(self.joint, witness, self.clock)
         self.world = World(scenario, seed)
         simulated = SimulatedHardware(self.world, waits=False)
         self.slip, self.imu = simulated.slip, simulated.imu
@@ -142,12 +147,13 @@ def run_mission(
     progress: Callable[[float], None],
     recording: Path | None = None,
     link: LinkName = "tcp",
+    witness: Witness | None = None,
 ) -> MissionResult:
     """The demo's mission; `progress` is told the simulated seconds now and then. The truth is kept beside a recording.
 
     Raises `RuntimeError` when a task of the robot or of the station failed: in a mission without faults that is a bug.
     """
-    system = Lockstep(scenario, seed, robot, station, recording, link)
+    system = Lockstep(scenario, seed, robot, station, recording, link, witness)
     director = Director(Orders(system.station), scenario.goals_in_start_frame_m(), say)
     system.use_operator(lambda: director.step(system.station.view()))
     try:
@@ -162,4 +168,6 @@ def run_mission(
     snapshot = system.station.finish_mapping()
     bias_dps = math.degrees(float(system.imu.gyro_bias_radps[2]))
     truth = system.truth(recording.parent / "truth" if recording is not None else None)
-    return MissionResult(truth, snapshot, system.station.figures, outcome, system.slip.figures(), bias_dps)
+    return MissionResult(
+        truth, snapshot, system.station.figures, outcome, system.slip.figures(), bias_dps, system.joint.cuts
+    )
