@@ -125,7 +125,7 @@ def _run_one(plan: _Plan, number: int, out: Path | None) -> Figures:
     if out is not None:
         _draw(result, out)
     link = asdict(link_figures(witness, result.cuts, result.outcome.ended_s)) if plan.link != "tcp" else {}
-    return _figures(plan.scenario, result) | {f"link_{key}": round(value, 4) for key, value in link.items()}
+    return {**_figures(plan.scenario, result), **{f"link_{key}": round(value, 4) for key, value in link.items()}}
 
 
 def _figures(scenario: Scenario, result: MissionResult) -> Figures:
