@@ -148,23 +148,28 @@ def run_mission(
     recording: Path | None = None,
     link: LinkName = "tcp",
     witness: Witness | None = None,
+    ends_s: float | None = None,
 ) -> MissionResult:
     """The demo's mission; `progress` is told the simulated seconds now and then. The truth is kept beside a recording.
+
+    With `ends_s` it ends then, however many goals are left, and that is no failure.
 
     Raises `RuntimeError` when a task of the robot or of the station failed: in a mission without faults that is a bug.
     """
     system = Lockstep(scenario, seed, robot, station, recording, link, witness)
     director = Director(Orders(system.station), scenario.goals_in_start_frame_m(), say)
     system.use_operator(lambda: director.step(system.station.view()))
+    longest_s = ends_s if ends_s is not None else _LONGEST_S
     try:
-        while director.outcome is None and system.clock.now_s() < _LONGEST_S and not system.failures:
+        while director.outcome is None and system.clock.now_s() < longest_s and not system.failures:
             system.run(_SLICE_S)
             progress(system.clock.now_s())
     finally:
         system.close()
     if system.failures:
         raise RuntimeError(f"a task failed: {system.failures[0]}")
-    outcome = director.outcome or Outcome(f"not finished after {_LONGEST_S:.0f} s", 0.0, system.clock.now_s())
+    late = f"not finished after {longest_s:.0f} s" if ends_s is None else ""
+    outcome = director.outcome or Outcome(late, 0.0, system.clock.now_s())
     snapshot = system.station.finish_mapping()
     bias_dps = math.degrees(float(system.imu.gyro_bias_radps[2]))
     truth = system.truth(recording.parent / "truth" if recording is not None else None)
