@@ -106,6 +106,10 @@ class StoredSlam(Slam, Protocol):
         """In the order of `trajectory()`."""
         ...
 
+    def keyframe_poses(self) -> NDArray[np.float64]:
+        """(K, 3): the poses of `trajectory()`, map frame; not to be written to."""
+        ...
+
 
 class SessionSlam(Slam, Protocol):
     """What the pipeline asks: a method that also knows whether it knows where the robot is."""

@@ -195,7 +195,10 @@ class GraphSlam:
 
     def trajectory(self) -> NDArray[np.float64]:
         stamps = np.array([keyframe.stamp_s for keyframe in self._keyframes])
-        return np.column_stack((stamps, self._keyframe_places.poses(self._graph.poses)))
+        return np.column_stack((stamps, self.keyframe_poses()))
+
+    def keyframe_poses(self) -> NDArray[np.float64]:
+        return self._keyframe_places.poses(self._graph.poses)
 
     def closures(self) -> NDArray[np.int32]:
         pairs = [(self._first_keyframe[a], self._first_keyframe[b]) for a, b in self._upkeep.closed]

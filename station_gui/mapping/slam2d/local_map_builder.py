@@ -103,5 +103,6 @@ class LocalMapBuilder:
                 self._share.take(self._back.insert(keyframe.points_m, keyframe.normals, pose))
 
     def _new_window(self) -> LocalMap:
+        """Each is cleared when its making begins."""
         c = self._config
-        return LocalMap(c.size_m, c.cell_m, c.reach_cells, c.max_surfels, c.max_count)
+        return LocalMap(c.size_m, c.cell_m, c.reach_cells, c.max_surfels, c.max_count, cleared=False)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
+from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+T = TypeVar("T")
 Task = Iterator[None]  # does one share of its work whenever it is advanced
 
 
@@ -41,6 +43,16 @@ def at_once(make_task: Callable[[Share], Iterator[object]]) -> None:
     """The whole of a task, without a pause."""
     for _ in make_task(Share(_PLENTY)):
         pass
+
+
+def result_at_once(make_task: Callable[[Share], Generator[None, None, T]]) -> T:
+    """What a task comes to, without a pause."""
+    task = make_task(Share(_PLENTY))
+    while True:
+        try:
+            next(task)
+        except StopIteration as end:
+            return cast("T", end.value)
 
 
 _END = object()

@@ -8,22 +8,18 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 
-import numpy as np
-from numpy.typing import NDArray
-
+from station_gui.mapping.slam2d.closures.closure import Closure
+from station_gui.mapping.slam2d.closures.jury import Jury
 from station_gui.mapping.slam2d.config import LoopConfig, PoseGraphConfig
 from station_gui.mapping.slam2d.graph.loop_closure import (
-    Closure,
     LoopCloser,
     edge_information,
     without_weak_direction,
 )
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
 from station_gui.mapping.slam2d.keyframes import Keyframe
-from station_gui.mapping.slam2d.se2_arrays import between, compose
 
 _MAX_WAITING = 200
-_MAX_UNCONFIRMED = 30
 
 
 class GraphUpkeep:
@@ -44,7 +40,7 @@ class GraphUpkeep:
         self._by_node = by_node
         self._waiting: deque[int] = deque(maxlen=_MAX_WAITING)  # nodes to look for loops from
         self._looking: Iterator[Closure | None] | None = None
-        self._unconfirmed: deque[Closure] = deque(maxlen=_MAX_UNCONFIRMED)
+        self._jury = Jury(loops)
         self._closed: list[tuple[int, int]] = []
         self._bent = False  # closures say that the graph wants optimising
         self._urgent = False
@@ -90,42 +86,11 @@ class GraphUpkeep:
                 self._looking = None
                 continue
             if closure is not None:
-                self._judge(closure)
-
-    def _judge(self, closure: Closure) -> None:
-        """What agrees with the graph is believed; what does not needs a second closure that says the same."""
-        correction = self._correction(closure)
-        near = not closure.partial and np.hypot(correction[0], correction[1]) < self._loops.agreement_m
-        if not closure.searched or near:
-            self._accept([closure])
-            return
-        agreeing = [other for other in self._unconfirmed if other.new != closure.new and self._agree(other, closure)]
-        if agreeing:
-            self._accept([*agreeing, closure])
-            for other in agreeing:
-                self._unconfirmed.remove(other)
-        else:
-            self._unconfirmed.append(closure)
-
-    def _correction(self, closure: Closure) -> NDArray[np.float64]:
-        """What the closure says against the graph, in the frame of its new node."""
-        expected = compose(self._graph.poses[closure.old], closure.measured)
-        return between(self._graph.poses[closure.new], expected)
-
-    def _agree(self, a: Closure, b: Closure) -> bool:
-        """Both closures move the new place in the same way."""
-        if abs(a.new - b.new) > self._loops.agreement_nodes:
-            return False
-        poses = self._graph.poses
-        from_a = compose(poses[a.old], a.measured)
-        by_a = compose(from_a, between(poses[a.new], poses[b.new]))
-        difference = between(compose(poses[b.old], b.measured), by_a)
-        return bool(
-            np.hypot(difference[0], difference[1]) < self._loops.agreement_m
-            and abs(difference[2]) < self._loops.agreement_rad
-        )
+                self._accept(self._jury.judge(closure, self._graph.poses))
 
     def _accept(self, closures: list[Closure]) -> None:
+        if not closures:
+            return
         config = self._config
         for closure in closures:
             held = without_weak_direction(closure.information, self._loops.weak_share)

@@ -181,13 +181,6 @@ class OccupancyGrid:
         probability.setflags(write=False)
         return GridMap(probability, self._origin_m, self._cell_m)
 
-    def make_room(self, low_m: NDArray[np.float64], high_m: NDArray[np.float64]) -> None:
-        """For all that will come between the corners `low_m` and `high_m`, (2,), map frame.
-
-        Raises MappingError where that is more than is allowed.
-        """
-        self._make_room(_Box(float(low_m[0]), float(low_m[1]), float(high_m[0]), float(high_m[1])))
-
     def refresh_slowly(self, share: Share) -> Task:
         """The work of the next snapshot, as far as the share goes at a time; nothing may be added meanwhile."""
         while self._dirty is not None:

@@ -8,21 +8,22 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from station_gui.mapping.slam2d.config import GraphSlamConfig
+from station_gui.mapping.slam2d.config import GraphSlamConfig, LocalMapConfig, LoopConfig
 
 
 @dataclass(frozen=True, slots=True)
 class ReferenceConfig:
     """The map as it is searched."""
 
+    spacing_m: float = 0.25  # of the scans that it is made of: the newest in each square
+    spacing_rad: float = math.radians(30.0)  # and turn
     cell_m: float = 0.05  # doubled until the map has no more than
     max_cells: int = 9_000_000
-    max_grid_cells: int = 4_000_000  # of the free space
+    grid_cell_m: float = 0.05  # of the free space, doubled until that has no more than
+    max_grid_cells: int = 4_000_000
     search_cells: int = 100_000  # the same for the likelihood that is searched
     reach_m: float = 0.4  # a scan may be this far off and still find its surfel
     max_surfels: int = 2_000_000
-    units_per_step: int = 250_000  # a unit is about 15 ns
-    units_per_beam_m: float = 12.0  # to draw a beam through its cells
     margin_m: float = 1.0  # round the map
     free_below: float = 0.35  # probability of a cell that is known to be free
     stand_off_m: float = 0.2  # a scanner stands no farther than this from a place that is known to be free
@@ -39,7 +40,6 @@ class SearchConfig:
     min_score: float = 0.45  # mean likelihood
     behind_best: float = 0.25  # what is farther below the best place is none
     keep_level: int = 3  # one place per square of 2**3 cells and turn
-    sums_per_step: int = 30_000
     reach_m: float = 8.0  # farther points would only ask for finer turns
     max_found: int = 4096
     apart_m: float = 0.25  # places nearer to a better one, and turned less, are the same
@@ -65,7 +65,6 @@ class VerifyConfig:
     min_points: int = 100  # with fewer, rooms that are not the map fit it by chance
     scan_share: float = 0.75  # of the newest scan's points that fit, each time
     confirmations: int = 3  # scans in a row that say the same
-    places_per_step: int = 24
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +80,12 @@ class DoubtConfig:
     min_keyframes: int = 10  # in the map
     reach_m: float = 15.0  # nobody carries it farther between two scans
     max_keyframes: int = 400  # evenly chosen
-    usual_keyframes: int = 10  # that say how many impossible beams are usual
+    view_m: float = 3.0  # scans of the map this near to the robot are asked whether it may be there
+    views: int = 8
+    view_points: int = 90  # of a scan
+    view_margin_m: float = 0.15
+    view_margin_ratio: float = 0.02  # of the range
+    usual_keyframes: int = 3  # that say how many impossible points are usual
     impossible: float = 0.04  # more than is usual
     apart_m: float = 1.0  # a place that is nearer to where the robot is followed,
     apart_rad: float = math.radians(20.0)  # and turned less, is the drift of the map
@@ -91,13 +95,19 @@ class DoubtConfig:
     turn_m: float = 0.6  # with so much for each radian
 
 
+def small_slam() -> GraphSlamConfig:
+    """For a short way: large windows would take long to make."""
+    return GraphSlamConfig(local_map=LocalMapConfig(size_m=25.6), loops=LoopConfig(cached_places=1))
+
+
 @dataclass(frozen=True, slots=True)
 class LocalisationConfig:
     reference: ReferenceConfig = field(default_factory=ReferenceConfig)
     search: SearchConfig = field(default_factory=SearchConfig)
     verify: VerifyConfig = field(default_factory=VerifyConfig)
     doubt: DoubtConfig = field(default_factory=DoubtConfig)
-    trail: GraphSlamConfig = field(default_factory=GraphSlamConfig)  # follows the robot while it is lost
+    trail: GraphSlamConfig = field(default_factory=small_slam)  # follows the robot while it is lost
+    units_per_step: int = 250_000  # a unit is about 15 ns
     trail_m: float = 4.0  # how much of the way so far is looked for
     trail_scans: int = 40
     longest_trail_scans: int = 300  # in the trail: then it is begun anew

@@ -1,8 +1,8 @@
 """Whether scans that fit worse than usual mean that the robot was carried off while it was followed.
 
 A robot that stands where things look alike may fit by chance, well enough to be followed on. Three things tell it from
-one past which somebody walks: it lasts, more beams than usual go where the map has nothing, and there is another
-place that explains them far better.
+one past which somebody walks: it lasts, its scans and those of the map look through each other's points more than is
+usual there, and there is another place that explains them far better.
 """
 
 from __future__ import annotations
@@ -15,10 +15,12 @@ from shared.geometry.se2 import Pose2
 from station_gui.mapping.scan import PointScan
 from station_gui.mapping.slam2d.base import StoredSlam
 from station_gui.mapping.slam2d.config import GridConfig
+from station_gui.mapping.slam2d.keyframes import Keyframe
 from station_gui.mapping.slam2d.localisation.config import DoubtConfig, LocalisationConfig
-from station_gui.mapping.slam2d.localisation.query import Query, gather
+from station_gui.mapping.slam2d.localisation.contradiction import Contradiction
 from station_gui.mapping.slam2d.localisation.reference import Reference
 from station_gui.mapping.slam2d.localisation.relocaliser import Relocaliser
+from station_gui.mapping.slam2d.matching.scan_matcher import to_lines
 
 
 class Wariness:
@@ -95,50 +97,57 @@ class Verdict(Enum):
 class Check:
     """Looks round where the robot is followed for a place that fits far better."""
 
-    def __init__(self, config: LocalisationConfig, grid: GridConfig, inner: StoredSlam, robot: Pose2) -> None:
+    def __init__(self, config: LocalisationConfig, grid: GridConfig, inner: StoredSlam) -> None:
         """In the map as it is: nothing enters it meanwhile."""
         self._config = config
-        keyframes, poses = inner.keyframes, inner.trajectory()[:, 1:]
-        away_m = np.hypot(poses[:, 0] - robot.x_m, poses[:, 1] - robot.y_m)
-        near = np.flatnonzero(away_m <= max(config.doubt.reach_m, float(away_m.min())))
-        self._usual = _usual_query(config, inner, near)
-        near = near[:: max(1, -(-len(near) // config.doubt.max_keyframes))]
-        self.everywhere = len(near) == len(keyframes)
-        known = [keyframes[k] for k in near.tolist()]
-        self.relocaliser = Relocaliser(
-            config, Reference(config.reference, config.trail.match, grid, known, poses[near])
-        )
-        self._usual_impossible: float | None = None
+        self._grid = grid
+        self._keyframes, self._poses = inner.keyframes, inner.keyframe_poses()
+        self._contradiction = Contradiction(config.doubt, self._keyframes, self._poses)
+        self._relocaliser: Relocaliser | None = None
+        self._everywhere = False
         self._checked_scans = 0
+
+    @property
+    def of_all(self) -> Relocaliser | None:
+        """What looks in the whole map already, if anything does."""
+        return self._relocaliser if self._everywhere else None
 
     def add(self, scan: PointScan, map_from_robot: Pose2, *, jumped: bool) -> Verdict:
         """`map_from_robot`: where the robot is followed; `jumped`: to there, farther than odometry allows."""
-        config, relocaliser = self._config.doubt, self.relocaliser
+        if self._relocaliser is None:
+            if not (jumped or self._is_contradicted(scan, map_from_robot)):
+                return Verdict.UNFOUNDED
+            self._relocaliser = self._look_round(map_from_robot)
+        return self._look_for_rival(self._relocaliser, scan, map_from_robot, jumped=jumped)
+
+    def _is_contradicted(self, scan: PointScan, map_from_robot: Pose2) -> bool:
+        lines = to_lines(scan.points_m, scan.origin_m, self._config.trail.normals)
+        points_m, normals = lines.points_m.astype(np.float32), lines.normals.astype(np.float32)
+        seen = Keyframe(scan.stamp_s, 0, np.zeros(3), points_m, normals, scan.origin_m)
+        return self._contradiction.found_by(seen, map_from_robot.as_array())
+
+    def _look_round(self, robot: Pose2) -> Relocaliser:
+        config, poses = self._config, self._poses
+        away_m = np.hypot(poses[:, 0] - robot.x_m, poses[:, 1] - robot.y_m)
+        near = np.flatnonzero(away_m <= max(config.doubt.reach_m, float(away_m.min())))
+        self._everywhere = len(near) == len(poses)
+        near = near[:: max(1, -(-len(near) // config.doubt.max_keyframes))]
+        known = [self._keyframes[k] for k in near.tolist()]
+        return Relocaliser(config, Reference(config.reference, config.trail.match, self._grid, known, poses[near]))
+
+    def _look_for_rival(self, relocaliser: Relocaliser, scan: PointScan, robot: Pose2, *, jumped: bool) -> Verdict:
         relocaliser.add(scan)
-        followed = relocaliser.judged_at(map_from_robot)
+        followed = relocaliser.judged_at(robot)
         if followed is None:
             return Verdict.OPEN
         self._checked_scans += relocaliser.searches > 0
-        if self._checked_scans > config.longest_scans:
-            return Verdict.UNFOUNDED
-        if self._usual_impossible is None:
-            self._usual_impossible = relocaliser.judged(self._usual, np.zeros(3)).impossible
-        if not jumped and followed.impossible < self._usual_impossible + config.impossible:
+        if self._checked_scans > self._config.doubt.longest_scans:
             return Verdict.UNFOUNDED
         if not relocaliser.settled:
             return Verdict.OPEN
-        rival = relocaliser.rival(map_from_robot)
+        rival = relocaliser.rival(robot)
         if rival is None:
             return Verdict.UNFOUNDED
-        better = -config.rival_share if jumped else config.rival_share
+        rival_share = self._config.doubt.rival_share
+        better = -rival_share if jumped else rival_share
         return Verdict.CARRIED if rival.support >= followed.support + better else Verdict.OPEN
-
-
-def _usual_query(
-    config: LocalisationConfig, inner: StoredSlam, near: np.ndarray[tuple[int], np.dtype[np.int64]]
-) -> Query:
-    """The newest scans in the map, in its frame."""
-    newest = near[-config.doubt.usual_keyframes :]
-    verify = config.verify
-    keyframes = [inner.keyframes[k] for k in newest.tolist()]
-    return gather(keyframes, inner.trajectory()[newest, 1:], verify.spacing_m, verify.points)

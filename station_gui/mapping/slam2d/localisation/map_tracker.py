@@ -154,7 +154,10 @@ class MapTracker:
 
     def trajectory(self) -> FloatArray:
         stamps = np.array([keyframe.stamp_s for keyframe in self.keyframes])
-        return np.column_stack((stamps, self._keyframe_places.poses(self._graph.poses)))
+        return np.column_stack((stamps, self.keyframe_poses()))
+
+    def keyframe_poses(self) -> FloatArray:
+        return self._keyframe_places.poses(self._graph.poses)
 
     def closures(self) -> NDArray[np.int32]:
         if self._saved is None:

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Generator, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from shared.geometry.se2 import Pose2
-from station_gui.mapping.slam2d.base import MappingError
 from station_gui.mapping.slam2d.config import GridConfig, MatchConfig
-from station_gui.mapping.slam2d.grid.occupancy_grid import OccupancyGrid
 from station_gui.mapping.slam2d.keyframes import Keyframe
 from station_gui.mapping.slam2d.localisation.config import ReferenceConfig
+from station_gui.mapping.slam2d.localisation.free_space import FreeSpace
 from station_gui.mapping.slam2d.matching.local_map import LocalMap
 from station_gui.mapping.slam2d.matching.scan_matcher import ScanMatcher
 from station_gui.mapping.slam2d.search.branch_and_bound import Pyramid, build_pyramid, fill_pyramid
@@ -32,7 +29,7 @@ _LARGEST_REACH_CELLS = 15  # squared distances are kept in eight bits
 
 
 class Reference:
-    """Surfels, likelihoods and free space of all scans; made a few scans at a time, then never changed."""
+    """Surfels, likelihoods and free space of the scans; made a share at a time, then never changed."""
 
     def __init__(
         self,
@@ -42,11 +39,12 @@ class Reference:
         keyframes: Sequence[Keyframe],
         poses: FloatArray,
     ) -> None:
-        """`poses`: (K, 3) of the keyframes, map frame."""
+        """`poses`: (K, 3) of the keyframes, map frame. Of those at one place the newest is drawn."""
         self._config = config
         self._match = match
-        self._drawn = OccupancyGrid(replace(grid, max_cells=min(grid.max_cells, config.max_grid_cells)))
-        self._scans = list(zip(keyframes, poses, strict=True))
+        self._grid_config = grid
+        kept = newest_of_each_place(poses, config.spacing_m, config.spacing_rad)
+        self._scans = [(keyframes[k], poses[k]) for k in kept.tolist()]
         self._share = Share()
         self._task: Task | None = self._make()
         self._local_map: LocalMap | None = None
@@ -55,11 +53,11 @@ class Reference:
         self._grid: GridMap | None = None
         self._free: NDArray[np.uint8] | None = None
 
-    def step(self) -> bool:
+    def step(self, units: int) -> bool:
         """Make some more of it; True once the map can be searched."""
         if self._task is None:
             return True
-        if self._share.run(self._task, self._config.units_per_step):
+        if self._share.run(self._task, units):
             self._task = None
             self._scans = []
         return False
@@ -68,23 +66,19 @@ class Reference:
         share = self._share
         low, high = yield from self._extent()
         local_map, matcher = self._windows(low, high)
-        with contextlib.suppress(MappingError):  # a map too large for a grid is judged by its surfels alone
-            self._drawn.make_room(low, high)
+        centre = 0.5 * (low + high)
+        yield from local_map.clear_slowly(float(centre[0]), float(centre[1]), share)
+        config = self._config
+        drawn = FreeSpace(self._grid_config, config.grid_cell_m, config.max_grid_cells, low, high)
         for keyframe, pose in self._scans:
             if share.left <= 0:
                 yield
-            scan = keyframe.lines()
-            share.take(local_map.insert(scan.points_m, scan.normals, pose))
-            with contextlib.suppress(MappingError):
-                self._drawn.add(keyframe.points_m, keyframe.scanner_m, pose)
-            way_m = float(np.hypot(*(keyframe.points_m - keyframe.scanner_m).T).sum())
-            share.take(round(way_m * self._config.units_per_beam_m))
+            share.take(local_map.insert(keyframe.points_m, keyframe.normals, pose))
+            share.take(drawn.draw(keyframe, pose))
         self._local_map, self._matcher = local_map, matcher
+        yield from drawn.fill(share)
+        self._grid = drawn.grid()
         self._pyramid = yield from self._likelihoods(local_map, matcher)
-        yield from self._drawn.refresh_slowly(share)
-        yield
-        self._grid = self._drawn.snapshot()
-        yield
         self._free = yield from self._free_places(self._pyramid, self._grid)
 
     def _extent(self) -> Generator[None, None, tuple[FloatArray, FloatArray]]:
@@ -93,12 +87,14 @@ class Reference:
         for keyframe, pose in self._scans:
             if self._share.left <= 0:
                 yield
-            hits = np.vstack((pose[:2], Pose2.from_array(pose).apply(keyframe.points_m)))
+            place = Pose2.from_array(pose)
+            hits = np.vstack((place.apply(keyframe.scanner_m[None]), place.apply(keyframe.points_m)))
             low, high = np.minimum(low, hits.min(axis=0)), np.maximum(high, hits.max(axis=0))
             self._share.take(_UNITS_PER_SCAN + len(hits))
         return low, high
 
     def _windows(self, low: FloatArray, high: FloatArray) -> tuple[LocalMap, ScanMatcher]:
+        """The map is still to be cleared."""
         config = self._config
         side_m = float((high - low).max()) + 2 * config.margin_m
         cell_m = config.cell_m
@@ -106,8 +102,8 @@ class Reference:
             cell_m *= 2
         reach = min(max(2, math.ceil(config.reach_m / cell_m)), _LARGEST_REACH_CELLS)
         hits = sum(len(keyframe.points_m) for keyframe, _ in self._scans)
-        local_map = LocalMap(side_m, cell_m, reach, min(max(hits, 1), config.max_surfels), _NO_FADING)
-        local_map.clear(*(0.5 * (low + high)).tolist())
+        surfels = min(max(hits, 1), config.max_surfels)
+        local_map = LocalMap(side_m, cell_m, reach, surfels, _NO_FADING, cleared=False)
         return local_map, ScanMatcher(self._match, reach, cell_m)
 
     @property
@@ -170,3 +166,13 @@ class Reference:
         yield
         near = (away <= self._config.stand_off_m).astype(np.uint8)
         return build_pyramid(near, pyramid.origin_m, cell_m, self._config.depth).levels
+
+
+def newest_of_each_place(poses: FloatArray, spacing_m: float, spacing_rad: float) -> NDArray[np.int64]:
+    """Indices into `poses`, (K, 3), ascending: the last one of each square of `spacing_m` and turn."""
+    place = np.floor(poses / (spacing_m, spacing_m, spacing_rad)).astype(np.int64)
+    place -= place.min(axis=0, initial=0)
+    spans = place.max(axis=0, initial=0) + 1
+    number = (place[:, 0] * spans[1] + place[:, 1]) * spans[2] + place[:, 2]
+    from_end = np.unique(number[::-1], return_index=True)[1]
+    return np.asarray(np.sort(len(poses) - 1 - from_end))

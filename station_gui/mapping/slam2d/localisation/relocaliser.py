@@ -23,8 +23,11 @@ from station_gui.mapping.slam2d.localisation.search.places import PlaceSearch, d
 from station_gui.mapping.slam2d.localisation.verify.verifier import Hypothesis, verify
 from station_gui.mapping.slam2d.matching.scan_matcher import to_lines
 from station_gui.mapping.slam2d.se2_arrays import compose
+from station_gui.mapping.slam2d.share import Share
 
 FloatArray = NDArray[np.float64]
+
+_UNITS_PER_BEAM = 40  # of a place that is refined and judged
 
 
 class Relocaliser:
@@ -33,6 +36,7 @@ class Relocaliser:
     def __init__(self, config: LocalisationConfig, reference: Reference) -> None:
         self._config = config
         self._reference = reference
+        self._share = Share()
         self._begin_trail()
 
     def _begin_trail(self) -> None:
@@ -76,16 +80,12 @@ class Relocaliser:
                 return h
         return None
 
-    def judged(self, query: Query, map_from_query: FloatArray) -> Hypothesis:
-        """How well the map agrees with a query that lies there, (3,); the map has to be ready."""
-        return verify(self._config.verify, self._reference, query, map_from_query)
-
     def judged_at(self, map_from_robot: Pose2) -> Hypothesis | None:
         """How well the map agrees with the robot being there; None before there is anything to say."""
         if self._query is None:
             return None
         start = (map_from_robot @ self.trail_from_robot.inverse()).as_array()
-        return self.judged(self._query, start)
+        return verify(self._config.verify, self._reference, self._query, start)
 
     def add(self, scan: PointScan) -> Pose2 | None:
         """The robot in the map at this scan, once there is no doubt."""
@@ -97,14 +97,15 @@ class Relocaliser:
             trail_from_robot = self._renew_trail(scan, trail_from_robot)
         self._scans += 1
         self.trail_from_robot = trail_from_robot
-        if not self._reference.step():
+        if not self._reference.step(self._config.units_per_step):
             return None
+        self._share.begin(self._config.units_per_step)
         if self._waiting:
             self._judge()
         elif len(self._trail.keyframes) > self._query_scans:
             self._renew_query()
         if self._search is not None:
-            self._go_on_searching()
+            self._go_on_searching(self._search)
         elif self._query is not None and not self._waiting and self._wants_search():
             self._searched_m = self._way_m()
             self._search = PlaceSearch(self._config.search, self._reference, self._query)
@@ -141,10 +142,11 @@ class Relocaliser:
         if not self._waiting:
             self._agreed = 0
 
-    def _go_on_searching(self) -> None:
-        search = self._search
-        if search is None or not search.step():
-            return
+    def _go_on_searching(self, search: PlaceSearch) -> None:
+        while not search.ended:
+            if self._share.left <= 0:
+                return
+            search.step(self._share)
         self._search = None
         self._searches += 1
         known = [hypothesis.map_from_trail for hypothesis in self.hypotheses]
@@ -154,8 +156,9 @@ class Relocaliser:
         config, query = self._config.verify, self._query
         if query is None:
             return
-        for _ in range(min(config.places_per_step, len(self._waiting))):
+        while self._waiting and self._share.left > 0:
             self._judged.append(verify(config, self._reference, query, self._waiting.popleft()))
+            self._share.take(_UNITS_PER_BEAM * len(query.points_m))
         if not self._waiting:
             self._keep_possible()
             self._judged = []

@@ -79,17 +79,17 @@ class SelfLocatingSlam:
         if len(inner.keyframes) >= self._config.doubt.min_keyframes:
             wariness.note(inner.fit, inner.surprise, motion)
         if inner.lost_scans >= self._config.lost_scans:
-            self._lose(self._check.relocaliser if self._check is not None and self._check.everywhere else None)
+            self._lose(self._check.of_all if self._check is not None else None)
             return
         if self._check is None and wariness.lasting:
-            self._check = Check(self._config, self._grid_config, inner, self._pose)
+            self._check = Check(self._config, self._grid_config, inner)
         if self._check is not None:
             self._go_on_checking(self._check, scan)
 
     def _go_on_checking(self, check: Check, scan: PointScan) -> None:
         verdict = check.add(scan, self._pose, jumped=self._wariness.jumped)
         if verdict is Verdict.CARRIED:
-            self._lose(check.relocaliser if check.everywhere else None)
+            self._lose(check.of_all)
         elif verdict is Verdict.UNFOUNDED or not self._wariness.wary:
             self._check = None
             if verdict is Verdict.UNFOUNDED:
@@ -121,7 +121,7 @@ class SelfLocatingSlam:
         inner = self._inner
         reference = Reference(
             self._config.reference, self._config.trail.match, self._grid_config, inner.keyframes,
-            inner.trajectory()[:, 1:],
+            inner.keyframe_poses(),
         )  # fmt: skip
         return Relocaliser(self._config, reference)
 

@@ -20,20 +20,32 @@ _UNITS_PER_SURFEL = 10
 class LocalMap:
     """Square window of `size_m` in some frame; grows nowhere, forgets nothing until `clear`."""
 
-    def __init__(self, size_m: float, cell_m: float, reach_cells: int, max_surfels: int, max_count: float) -> None:
+    def __init__(
+        self,
+        size_m: float,
+        cell_m: float,
+        reach_cells: int,
+        max_surfels: int,
+        max_count: float,
+        *,
+        cleared: bool = True,
+    ) -> None:
+        """Not `cleared`: the caller clears it before use, which for a large one is better done slowly."""
         side = round(size_m / cell_m)
         self.cell_m = cell_m
         self.size_m = side * cell_m
         self.origin_x_m = -0.5 * self.size_m
         self.origin_y_m = -0.5 * self.size_m
-        self.nearest = np.full((side, side), -1, np.int32)
-        self.distance2 = np.full((side, side), _kernels.NONE_NEAR, np.uint8)
+        self.nearest = np.empty((side, side), np.int32)
+        self.distance2 = np.empty((side, side), np.uint8)
         self.surfels = np.zeros((max_surfels, 5))
         self.used = 0
         tiles = -(-side // _kernels.TILE)
-        self._dirty = np.zeros((tiles, tiles), np.bool_)
+        self._dirty = np.ones((tiles, tiles), np.bool_)
         self._reach_cells = reach_cells
         self._max_count = max_count
+        if cleared:
+            self.clear(0.0, 0.0)
 
     def clear(self, centre_x_m: float, centre_y_m: float) -> None:
         at_once(lambda share: self.clear_slowly(centre_x_m, centre_y_m, share))

@@ -68,6 +68,7 @@ class ParticleSlam:
         self._lost_scans = 0
         self._fit = 1.0
         self._surprise = 0.0
+        self._misfits: list[float] = []  # of the scans since the last step, shares of points that did not fit
         self._admits: Admits = admit_all
         self._revision = 0
         self._in_map: list[bool] = []  # of each step, whether its scan is
@@ -176,7 +177,10 @@ class ParticleSlam:
         return self._revision
 
     def trajectory(self) -> FloatArray:
-        return np.column_stack((np.array([step.stamp_s for step in self._steps]), self._step_poses()))
+        return np.column_stack((np.array([step.stamp_s for step in self._steps]), self.keyframe_poses()))
+
+    def keyframe_poses(self) -> FloatArray:
+        return self._step_poses()
 
     def closures(self) -> NDArray[np.int32]:
         return self._closer.closures()
@@ -203,6 +207,7 @@ class ParticleSlam:
         believed = self._correct(lines, predicted, motion)
         if len(lines.points_m) < self._config.proposal.min_points:
             return
+        self._misfits.append(1.0 - self._fit)
         self._lost_scans = 0 if believed else self._lost_scans + 1
         patient = not believed and self._lost_scans <= self._config.update.patience_scans
         if self._gone_far() and not patient and self._admits(self._fit, self._surprise):
@@ -292,7 +297,8 @@ class ParticleSlam:
         in_map = matched | (not patient)
         if not patient:
             self._breaks[len(self._steps)] = "lost"
-        self._closer.add_step(self._way(), information)
+        self._closer.add_step(self._way(), information, sum(self._misfits) / max(len(self._misfits), 1))
+        self._misfits.clear()
         age = self._closer.course.nodes - 1
         for particle in np.flatnonzero(in_map).tolist():
             self._maps.insert(particle, lines, self._poses[particle], age)

@@ -178,7 +178,6 @@ def test_a_map_refreshed_in_small_shares_is_the_same_one() -> None:
     grids = [OccupancyGrid(GridConfig(cell_m=0.02)) for _ in range(2)]
     share, rests = Share(), 0
     for grid in grids:
-        grid.make_room(np.array([-4.0, -4.0]), np.array([4.0, 4.0]))
         grid.add(points, _ORIGIN, np.zeros(3))
     task = grids[0].refresh_slowly(share)
     while not share.run(task, 1):

@@ -12,8 +12,11 @@ from station_gui.mapping.slam2d.localisation.query import Query, thinned
 from station_gui.mapping.slam2d.localisation.reference import Reference
 from station_gui.mapping.slam2d.localisation.search import _kernels
 from station_gui.mapping.slam2d.se2_arrays import between, compose
+from station_gui.mapping.slam2d.share import Share
 
 FloatArray = NDArray[np.float64]
+
+_POINTS_PER_UNIT = 8  # looked up
 
 
 class PlaceSearch:
@@ -35,17 +38,22 @@ class PlaceSearch:
         self._found = np.zeros((config.max_found, 4), np.int64)
         self._state = np.zeros(3, np.int64)
 
-    def step(self) -> bool:
-        """True once every place has been looked at."""
-        config, pyramid = self._config, self._reference.pyramid
-        if self._turn < self._turns:
-            full = 255 * len(self._points)
-            self._turn = _kernels.search_turns(
-                self._points, pyramid.levels, self._reference.free, self._turn, self._turns, pyramid.cell_m,
-                config.keep_level, math.ceil(config.min_score * full), round(config.behind_best * full),
-                config.sums_per_step, self._columns, self._rows, self._found, self._state,
-            )  # fmt: skip
+    @property
+    def ended(self) -> bool:
+        """Every place has been looked at."""
         return self._turn >= self._turns
+
+    def step(self, share: Share) -> None:
+        """At least one turn, and more as far as the share goes; not after the end."""
+        config, pyramid = self._config, self._reference.pyramid
+        full, before = 255 * len(self._points), int(self._state[2])
+        units_per_sum = 1 + len(self._points) // _POINTS_PER_UNIT
+        self._turn = _kernels.search_turns(
+            self._points, pyramid.levels, self._reference.free, self._turn, self._turns, pyramid.cell_m,
+            config.keep_level, math.ceil(config.min_score * full), round(config.behind_best * full),
+            max(1, share.left // units_per_sum), self._columns, self._rows, self._found, self._state,
+        )  # fmt: skip
+        share.take(units_per_sum * (int(self._state[2]) - before))
 
     def places(self) -> list[FloatArray]:
         """The best first, none next to a better one."""

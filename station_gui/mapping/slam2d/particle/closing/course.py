@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from station_gui.mapping.slam2d.closures.closure import Closure
 from station_gui.mapping.slam2d.config import PoseGraphConfig
+from station_gui.mapping.slam2d.graph.loop_closure import edge_information
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
 from station_gui.mapping.slam2d.particle.closing.config import BendConfig
 from station_gui.mapping.slam2d.se2_arrays import between, between_all, rotate_information
@@ -18,20 +19,6 @@ from station_gui.mapping.slam2d.se2_arrays import between, between_all, rotate_i
 FloatArray = NDArray[np.float64]
 _CLOSURE_LENGTH_M = 0.5  # the way that the error of a closure is worth
 _LEAST_EDGE_M = 0.1
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Closure:
-    """Node `new` lies at `measured`, (3,), in the frame of node `old`; `information` (3, 3) in that frame.
-
-    `searched`: the path was not good enough to start from, so that the place itself may be mistaken.
-    """
-
-    old: int
-    new: int
-    measured: FloatArray
-    information: FloatArray
-    searched: bool
 
 
 class Course:
@@ -44,6 +31,8 @@ class Course:
         self._lengths_m: list[float] = []
         self._way_m = 0.0
         self._turn_rad = 0.0
+        self._misfit = 0.0  # of the steps since the last node
+        self._steps = 0
         self._given = 0
         self.closures: list[Closure] = []  # in force: the path agrees with them
 
@@ -67,30 +56,33 @@ class Course:
         """(nodes,): the step at which each node begins."""
         return np.array(self._first_steps, np.int64)
 
-    def add_step(self, step: int, motion: FloatArray, information: FloatArray, before_rad: float) -> bool:
+    def add_step(
+        self, step: int, motion: FloatArray, information: FloatArray, before_rad: float, misfit: float = 0.0
+    ) -> bool:
         """One step more, (3,) `motion` from the last one; True when a node begins with it.
 
         `information`: (3, 3), what the match says about the step's pose, map frame; `before_rad`: heading of the
-        last node there.
+        last node there; `misfit`: share of the points that did not fit since the last step.
         """
+        self._misfit += misfit
+        self._steps += 1
         self._way_m += float(np.hypot(motion[0], motion[1]))
         self._turn_rad += abs(float(motion[2]))
         config = self._config
         if self.nodes and self._way_m < config.node_distance_m and self._turn_rad < config.node_turn_rad:
             return False
         self._first_steps.append(step)
-        self._information.append(self.edge_information(information, before_rad))
+        loose = 1.0 + self._config.misfit_ratio * self._misfit / self._steps
+        self._information.append(self.edge_information(information, before_rad, loose))
         self._lengths_m.append(max(self._way_m, _LEAST_EDGE_M) if math.isfinite(self._way_m) else _LEAST_EDGE_M)
-        self._way_m = self._turn_rad = 0.0
+        self._way_m = self._turn_rad = self._misfit = 0.0
+        self._steps = 0
         return True
 
-    def edge_information(self, match_information: FloatArray, theta_rad: float) -> FloatArray:
-        """(3, 3): what a match is worth in a frame turned by `theta_rad`, with the floor of the model."""
-        turned = rotate_information(match_information, theta_rad)
-        covariance = np.linalg.inv(turned + np.diag((1e-2, 1e-2, 1e-2)))
-        shift, turn = self._config.shift_sigma_m, self._config.turn_sigma_rad
-        information = np.linalg.inv(covariance + np.diag((shift**2, shift**2, turn**2)))
-        return np.asarray(0.5 * (information + information.T))
+    def edge_information(self, match_information: FloatArray, theta_rad: float, loose: float = 1.0) -> FloatArray:
+        """(3, 3): what a match is worth in a frame turned by `theta_rad`, with the model's floor, `loose` as wide."""
+        shift, turn = loose * self._config.shift_sigma_m, loose * self._config.turn_sigma_rad
+        return edge_information(match_information, theta_rad, shift, turn)
 
     def node_of_steps(self, steps: int) -> NDArray[np.int64]:
         """(steps,): the node that each step belongs to."""

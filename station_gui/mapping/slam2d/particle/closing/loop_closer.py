@@ -7,12 +7,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from station_gui.mapping.slam2d.config import MatchConfig
+from station_gui.mapping.slam2d.closures.closure import Closure
+from station_gui.mapping.slam2d.closures.jury import Jury
+from station_gui.mapping.slam2d.config import LocalMapConfig, LoopConfig, MatchConfig
+from station_gui.mapping.slam2d.matching.scan_matcher import ScanMatcher
 from station_gui.mapping.slam2d.particle.ancestry import Ancestry
 from station_gui.mapping.slam2d.particle.blocks.block_maps import BlockMaps
-from station_gui.mapping.slam2d.particle.closing.config import BendConfig, SearchConfig
-from station_gui.mapping.slam2d.particle.closing.course import Closure, Course, closure_chi2
-from station_gui.mapping.slam2d.particle.closing.jury import Jury
+from station_gui.mapping.slam2d.particle.closing.config import BendConfig
+from station_gui.mapping.slam2d.particle.closing.course import Course, closure_chi2
 from station_gui.mapping.slam2d.particle.closing.loop_finder import LoopFinder, Way
 from station_gui.mapping.slam2d.particle.closing.path_bender import Bent, PathBender, Trunk
 from station_gui.mapping.slam2d.se2_arrays import between
@@ -23,7 +25,8 @@ FloatArray = NDArray[np.float64]
 @dataclass(frozen=True, slots=True)
 class ClosingConfig:
     match: MatchConfig = field(default_factory=MatchConfig)
-    search: SearchConfig = field(default_factory=SearchConfig)
+    loops: LoopConfig = field(default_factory=LoopConfig)
+    places: LocalMapConfig = field(default_factory=LocalMapConfig)
     bend: BendConfig = field(default_factory=BendConfig)
 
 
@@ -34,8 +37,9 @@ class LoopCloser:
         self._config = config
         self._maps = maps
         self._course = Course(config.bend)
-        self._finder = LoopFinder(config.search, config.match, maps.cell_m, maps.max_count)
-        self._jury = Jury(config.search)
+        matcher = ScanMatcher(config.match, config.places.reach_cells, maps.cell_m)
+        self._finder = LoopFinder(config.loops, config.places, matcher, maps.cell_m)
+        self._jury = Jury(config.loops)
         self._bender = PathBender(config.bend, maps)
         self._waiting: list[Closure] = []  # believed, but the path has to be bent to them
         self._urgent = False
@@ -56,12 +60,12 @@ class LoopCloser:
     def busy(self) -> bool:
         return self._finder.busy or self._bender.busy or bool(self._waiting)
 
-    def add_step(self, way: Way, information: FloatArray) -> None:
-        """The newest step of the way; `information`: (3, 3) of its match."""
+    def add_step(self, way: Way, information: FloatArray, misfit: float) -> None:
+        """The newest step of the way; `information`: (3, 3) of its match, `misfit`: share that did not fit since."""
         course = self._course
         motion = between(way.path[-2], way.path[-1]) if len(way.path) > 1 else np.zeros(3)
         heading = float(way.path[course.first_steps[-1], 2]) if course.nodes else 0.0
-        if course.add_step(len(way.path) - 1, motion, information, heading):
+        if course.add_step(len(way.path) - 1, motion, information, heading, misfit):
             if course.nodes > 1:
                 self._finder.look_from(way, course.nodes - 2)
             self._maps.join(course.joined(self._config.bend.reach_m))

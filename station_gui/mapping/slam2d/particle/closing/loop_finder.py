@@ -2,33 +2,29 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from station_gui.mapping.slam2d.config import MatchConfig
+from station_gui.mapping.slam2d.closures.closure import Candidate, Closure, choose, joined
+from station_gui.mapping.slam2d.closures.verifier import Verifier
+from station_gui.mapping.slam2d.config import LocalMapConfig, LoopConfig
+from station_gui.mapping.slam2d.graph.loop_closure import without_weak_direction
+from station_gui.mapping.slam2d.graph.sight.sight import View
 from station_gui.mapping.slam2d.keyframes import Keyframe
 from station_gui.mapping.slam2d.matching.local_map import LocalMap
 from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, ScanMatcher
-from station_gui.mapping.slam2d.particle.closing.config import SearchConfig
-from station_gui.mapping.slam2d.particle.closing.course import Closure, Course
+from station_gui.mapping.slam2d.particle.closing.course import Course
 from station_gui.mapping.slam2d.se2_arrays import between
 from station_gui.mapping.slam2d.search.branch_and_bound import build_pyramid, search
+from station_gui.mapping.slam2d.share import result_at_once
 
 FloatArray = NDArray[np.float64]
 
-
-@dataclass(frozen=True, slots=True)
-class Candidate:
-    """A pair worth a search, and how far round the estimate; 0: the estimate is good, it only wants refining."""
-
-    old: int
-    new: int
-    shift_m: float
+_MAX_WAITING = 200
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +39,7 @@ class Way:
     def node_poses(self) -> FloatArray:
         return np.asarray(self.path[self.course.first_steps])
 
-    def scans_round(self, node: int, neighbours: int, stride: int = 1) -> Iterator[tuple[LineScan, FloatArray]]:
+    def scans_round(self, node: int, neighbours: int, stride: int = 1) -> Iterator[tuple[Keyframe, FloatArray]]:
         """Scans of the nodes next to `node`, and where they were made in its frame."""
         first = self.course.first_steps
         low = int(first[max(0, node - neighbours)])
@@ -51,97 +47,70 @@ class Way:
         high = int(first[after]) if after < len(first) else len(self.path)
         for step in range(low, high, stride):
             if self.in_map[step]:
-                yield self.scans[step].lines(), between(self.path[first[node]], self.path[step])
+                yield self.scans[step], between(self.path[first[node]], self.path[step])
 
 
 class LoopFinder:
     """Candidates by distance against drift, branch and bound, refinement, and a share of points to believe it."""
 
-    def __init__(self, config: SearchConfig, match: MatchConfig, cell_m: float, max_count: float) -> None:
+    def __init__(self, config: LoopConfig, places: LocalMapConfig, matcher: ScanMatcher, cell_m: float) -> None:
+        """`cell_m`: of the places' maps."""
         self._config = config
-        self._matcher = ScanMatcher(match, config.place_reach_cells, cell_m)
-        self._jobs: deque[Candidate] = deque(maxlen=config.max_waiting)
-        self._place = LocalMap(
-            config.place_size_m, cell_m, config.place_reach_cells, config.max_place_surfels, max_count
-        )
+        self._matcher = matcher
+        self._verifier = Verifier(config, matcher)
+        self._jobs: deque[Candidate] = deque(maxlen=_MAX_WAITING)
+        self._place = LocalMap(places.size_m, cell_m, places.reach_cells, config.max_place_surfels, places.max_count)
 
     @property
     def busy(self) -> bool:
         return bool(self._jobs)
 
     def look_from(self, way: Way, new: int) -> None:
-        """Older nodes that `new` may see, nearest first, none next to another, will be looked at."""
+        """Older nodes that `new` may see will be looked at; where too many wait, the oldest are forgotten."""
         config = self._config
-        if config.max_candidates == 0:
-            return
         nodes = np.arange(way.course.nodes)
         poses = way.node_poses()
-        way_m = way.course.distances_m(new)
-        away_m = np.hypot(poses[:, 0] - poses[new, 0], poses[:, 1] - poses[new, 1])
-        shift_m = np.minimum(config.drift_fixed_m + config.drift_ratio * way_m, config.max_search_m)
         first = way.course.given + config.neighbours if way.course.given else 0
-        apart = (nodes >= first) & (nodes < new - 2 * config.neighbours - 2)
-        near = np.flatnonzero(apart & (away_m < config.overlap_m + 0.5 * shift_m))
-        found: list[int] = []
-        for old in near[np.argsort(away_m[near], kind="stable")].tolist():
-            far = way_m[old] > config.min_way_m
-            if any(abs(old - other) <= 2 * config.neighbours for other in found):
-                continue
-            if not far and away_m[old] > 0.5 * config.overlap_m:
-                continue
-            found.append(old)
-            self._jobs.append(Candidate(old, new, float(shift_m[old]) if far else 0.0))
-            if len(found) == config.max_candidates:
-                break
+        apart = np.flatnonzero((nodes >= first) & (nodes < new - 2 * config.neighbours - 2))
+        way_m = way.course.distances_m(new)[apart]
+        away_m = np.hypot(poses[apart, 0] - poses[new, 0], poses[apart, 1] - poses[new, 1])
+        self._jobs.extend(choose(config, new, apart, way_m, away_m))
 
     def work(self, way: Way) -> Closure | None:
         """Look at one candidate."""
         if not self._jobs:
             return None
         job = self._jobs.popleft()
-        config = self._config
-        query = self._query(way, job.new)
-        if len(query.points_m) < config.min_query_points:
+        query = joined(way.scans_round(job.new, self._config.query_neighbours, self._config.query_every))
+        if len(query.points_m) < self._config.min_query_points:
             return None
         poses = way.path[way.course.first_steps[[job.old, job.new]]]
         guess = between(poses[0], poses[1])
-        self._draw_place(way, job.old)
+        views = self._draw_place(way, job.old)
         if job.shift_m > 0.0:
-            found = self._search(query, guess, job.shift_m)
+            found = self._search(query, guess, job)
             if found is None:
                 return None
             guess = found
-        return self._verified(way.course, query, guess, job)
+        closure = result_at_once(lambda share: self._verifier.verified(job, query, guess, self._place, views, share))
+        if closure is None:
+            return None
+        held = without_weak_direction(closure.information, self._config.weak_share)
+        return replace(closure, information=way.course.edge_information(held, 0.0))
 
-    def _search(self, query: LineScan, guess: FloatArray, shift_m: float) -> FloatArray | None:
+    def _search(self, query: LineScan, guess: FloatArray, job: Candidate) -> FloatArray | None:
         config = self._config
-        likelihood = self._matcher.likelihood(self._place, config.cell_m)
-        pyramid = build_pyramid(*likelihood, config.levels)
-        stride = -(-len(query.points_m) // config.max_query_points)
-        points = np.ascontiguousarray(query.points_m[::stride])
-        found = search(points, pyramid, guess, shift_m, config.search_turn_rad, config.min_score, config.max_branches)
+        pyramid = build_pyramid(*self._matcher.likelihood(self._place, config.cell_m), config.levels)
+        points, min_score = self._verifier.thinned(query), self._verifier.min_score(job)
+        found = search(points, pyramid, guess, job.shift_m, config.search_turn_rad, min_score, config.max_branches)
         return None if found is None else found.pose
 
-    def _verified(self, course: Course, query: LineScan, guess: FloatArray, job: Candidate) -> Closure | None:
-        match = self._matcher.refine(query, self._place, guess)
-        if match.share < self._config.min_inlier_share or not np.isfinite(match.pose).all():
-            return None
-        if math.hypot(match.pose[0] - guess[0], match.pose[1] - guess[1]) > self._config.max_refinement_m:
-            return None
-        information = course.edge_information(match.information, 0.0)
-        return Closure(job.old, job.new, match.pose, information, searched=job.shift_m > 0.0)
-
-    def _draw_place(self, way: Way, node: int) -> None:
+    def _draw_place(self, way: Way, node: int) -> list[View]:
+        """Into the map; some of the scans, which tell what space was seen to be free."""
         self._place.clear(0.0, 0.0)
-        for scan, pose in way.scans_round(node, self._config.neighbours):
-            self._place.insert(scan.points_m, scan.normals, pose)
-
-    def _query(self, way: Way, node: int) -> LineScan:
-        """Scans of the node and its neighbours in its own frame."""
-        points, normals = [np.zeros((0, 2))], [np.zeros((0, 2))]
-        for scan, (x, y, theta) in way.scans_round(node, self._config.query_neighbours, self._config.query_stride):
-            c, s = math.cos(theta), math.sin(theta)
-            turn = np.array([[c, s], [-s, c]])
-            points.append(scan.points_m @ turn + (x, y))
-            normals.append(scan.normals @ turn)
-        return LineScan(np.ascontiguousarray(np.vstack(points)), np.ascontiguousarray(np.vstack(normals)))
+        views = []
+        for index, (keyframe, pose) in enumerate(way.scans_round(node, self._config.neighbours)):
+            self._place.insert(keyframe.points_m, keyframe.normals, pose)
+            if index % self._config.view_every == 0:
+                views.append(View(pose, keyframe))
+        return views

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from station_gui.mapping.slam2d.closures.closure import Closure
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
 from station_gui.mapping.slam2d.particle.blocks.block_maps import BlockMaps
 from station_gui.mapping.slam2d.particle.closing.config import BendConfig
-from station_gui.mapping.slam2d.particle.closing.course import Closure, closure_chi2
+from station_gui.mapping.slam2d.particle.closing.course import closure_chi2
 from station_gui.mapping.slam2d.particle.closing.loop_finder import Way
 from station_gui.mapping.slam2d.se2_arrays import compose_all
 

@@ -25,10 +25,12 @@ from station_gui.mapping.slam2d.localisation.verify.verifier import judge, verif
 from station_gui.mapping.slam2d.matching.scan_matcher import to_lines
 from station_gui.mapping.slam2d.se2_arrays import compose, compose_all
 from station_gui.mapping.slam2d.search.branch_and_bound import build_pyramid
+from station_gui.mapping.slam2d.share import Share
 
 FloatArray = NDArray[np.float64]
 ScanMaker = Callable[..., PointScan]
 _CONFIG = LocalisationConfig()
+_PLENTY = 1 << 60  # of units
 
 
 def _reference(saved: SavedMap) -> Reference:
@@ -36,7 +38,7 @@ def _reference(saved: SavedMap) -> Reference:
     in_node = np.array([keyframe.in_node for keyframe in saved.keyframes])
     poses = compose_all(saved.nodes[saved.keyframe_nodes()], in_node)
     reference = Reference(_CONFIG.reference, graph.match, graph.grid, saved.keyframes, poses)
-    while not reference.step():
+    while not reference.step(_PLENTY):
         pass
     return reference
 
@@ -159,10 +161,13 @@ def test_the_search_works_in_shares(lab: FloatArray, lab_map: SavedMap, scan_fro
     query = gather([keyframe], np.zeros((1, 3)), 0.04, 700)
     reference = _reference(lab_map)
     results = []
-    for sums in (500, 10**9):
-        search = PlaceSearch(SearchConfig(sums_per_step=sums), reference, query)
-        steps = 1
-        while not search.step():
+    for units in (10_000, _PLENTY):
+        search, share = PlaceSearch(SearchConfig(), reference, query), Share()
+        steps = 0
+        while not search.ended:
+            share.begin(units)
+            search.step(share)
+            assert share.left > -2 * 10_000
             steps += 1
         results.append((steps, np.array(search.places())))
     assert results[0][0] > 20
@@ -266,11 +271,10 @@ def test_a_map_made_in_small_shares_is_the_same_one(lab_map: SavedMap) -> None:
     in_node = np.array([keyframe.in_node for keyframe in lab_map.keyframes])
     poses = compose_all(lab_map.nodes[lab_map.keyframe_nodes()], in_node)
     made, steps = [], []
-    for units in (2_000, 1 << 60):
-        config = replace(_CONFIG.reference, units_per_step=units)
-        reference = Reference(config, graph.match, graph.grid, lab_map.keyframes, poses)
+    for units in (2_000, _PLENTY):
+        reference = Reference(_CONFIG.reference, graph.match, graph.grid, lab_map.keyframes, poses)
         steps.append(1)
-        while not reference.step():
+        while not reference.step(units):
             steps[-1] += 1
         made.append(reference)
     assert steps[0] > 4 * steps[1]

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from station_gui.mapping.slam2d.particle.closing.config import BendConfig, SearchConfig
-from station_gui.mapping.slam2d.particle.closing.course import Closure, Course, closure_chi2, integrated
-from station_gui.mapping.slam2d.particle.closing.jury import Jury
+from station_gui.mapping.slam2d.closures.closure import Closure
+from station_gui.mapping.slam2d.closures.jury import Jury
+from station_gui.mapping.slam2d.config import LoopConfig
+from station_gui.mapping.slam2d.particle.closing.config import BendConfig
+from station_gui.mapping.slam2d.particle.closing.course import Course, closure_chi2, integrated
 from station_gui.mapping.slam2d.se2_arrays import between, compose
 
 FloatArray = NDArray[np.float64]
@@ -95,7 +97,7 @@ def test_bending_spreads_the_error_of_a_loop_over_the_whole_way() -> None:
 def test_a_far_closure_needs_a_second_one_that_says_the_same() -> None:
     poses = np.column_stack((np.arange(60.0), np.zeros(60), np.zeros(60)))
     shift = np.array([0.0, 2.0, 0.1])
-    jury = Jury(SearchConfig())
+    jury = Jury(LoopConfig())
     first = _closure(0, 50, compose(shift, between(poses[0], poses[50])))
     other = _closure(1, 53, np.array([51.0, -4.0, 0.0]))
     corrected = [compose(shift, pose) for pose in poses]
@@ -109,7 +111,7 @@ def test_a_far_closure_needs_a_second_one_that_says_the_same() -> None:
 def test_a_closure_that_the_path_agrees_with_is_believed_at_once() -> None:
     poses = np.column_stack((np.arange(60.0), np.zeros(60), np.zeros(60)))
     closure = _closure(0, 50, between(poses[0], poses[50]) + np.array([0.1, 0.1, 0.0]))
-    assert Jury(SearchConfig()).judge(closure, poses) == [closure]
+    assert Jury(LoopConfig()).judge(closure, poses) == [closure]
 
 
 @pytest.mark.parametrize("turn_rad", [0.0, 1.0, -2.5])

@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 
 from shared.geometry.se2 import Pose2
 from station_gui.mapping.scan import PointScan
+from station_gui.mapping.slam2d.config import LoopConfig
 from station_gui.mapping.slam2d.particle.blocks.block_maps import BlockMapConfig
-from station_gui.mapping.slam2d.particle.closing.config import BendConfig, SearchConfig
+from station_gui.mapping.slam2d.particle.closing.config import BendConfig
 from station_gui.mapping.slam2d.particle.closing.loop_closer import ClosingConfig
 from station_gui.mapping.slam2d.particle.config import ParticleSlamConfig
 from station_gui.mapping.slam2d.particle.particle_slam import ParticleSlam
 
 FloatArray = NDArray[np.float64]
 ScanMaker = Callable[..., PointScan]
-_CLOSING_OFF = ClosingConfig(search=SearchConfig(max_candidates=0), bend=BendConfig(reach_m=math.inf))
+_CLOSING_OFF = ClosingConfig(loops=LoopConfig(max_candidates=0), bend=BendConfig(reach_m=math.inf))
 
 
 def _run(scans: list[PointScan], particles: int, seed: int) -> ParticleSlam:

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from shared.geometry.se2 import Pose2
 from station_gui.mapping.saved_map import SavedMap, decode, encode
 from station_gui.mapping.scan import PointScan
+from station_gui.mapping.slam2d.closures.closure import Closure
 from station_gui.mapping.slam2d.config import GraphSlamConfig
 from station_gui.mapping.slam2d.graph_slam import GraphSlam
 from station_gui.mapping.slam2d.keyframes import Keyframe
 from station_gui.mapping.slam2d.particle.blocks.block_maps import BlockMapConfig
 from station_gui.mapping.slam2d.particle.closing.config import BendConfig
-from station_gui.mapping.slam2d.particle.closing.course import Closure, Course
+from station_gui.mapping.slam2d.particle.closing.course import Course
 from station_gui.mapping.slam2d.particle.config import ParticleSlamConfig
 from station_gui.mapping.slam2d.particle.particle_slam import ParticleSlam
 from station_gui.mapping.slam2d.particle.stored import Joints, to_saved

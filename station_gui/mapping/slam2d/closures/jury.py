@@ -7,25 +7,28 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from station_gui.mapping.slam2d.particle.closing.config import SearchConfig
-from station_gui.mapping.slam2d.particle.closing.course import Closure
+from station_gui.mapping.slam2d.closures.closure import Closure
+from station_gui.mapping.slam2d.config import LoopConfig
 from station_gui.mapping.slam2d.se2_arrays import between, compose
 
 FloatArray = NDArray[np.float64]
 
+_MAX_UNCONFIRMED = 30
+
 
 class Jury:
-    """What agrees with the path is believed; what does not needs a second closure that says the same."""
+    """What agrees with the nodes' poses is believed; what does not needs a second closure that says the same."""
 
-    def __init__(self, config: SearchConfig) -> None:
+    def __init__(self, config: LoopConfig) -> None:
         self._config = config
-        self._unconfirmed: deque[Closure] = deque(maxlen=config.max_unconfirmed)
+        self._unconfirmed: deque[Closure] = deque(maxlen=_MAX_UNCONFIRMED)
 
     def judge(self, closure: Closure, poses: FloatArray) -> list[Closure]:
-        """Those that are believed now; `poses`: (nodes, 3), the path."""
+        """Those that are believed now; `poses`: (nodes, 3)."""
         expected = compose(poses[closure.old], closure.measured)
         correction = between(poses[closure.new], expected)
-        if not closure.searched or np.hypot(correction[0], correction[1]) < self._config.agreement_m:
+        near = not closure.partial and np.hypot(correction[0], correction[1]) < self._config.agreement_m
+        if not closure.searched or near:
             return [closure]
         agreeing = [other for other in self._unconfirmed if self._agree(other, closure, poses)]
         if not agreeing:

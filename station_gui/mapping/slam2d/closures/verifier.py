@@ -1,0 +1,74 @@
+"""Whether a scan fits a place where a search has put it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station_gui.mapping.slam2d.closures.closure import Candidate, Closure
+from station_gui.mapping.slam2d.config import LoopConfig
+from station_gui.mapping.slam2d.graph.sight.sight import View, seen_through_share
+from station_gui.mapping.slam2d.matching.local_map import LocalMap
+from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, Match, ScanMatcher
+from station_gui.mapping.slam2d.share import Share
+
+FloatArray = NDArray[np.float64]
+
+
+class Verifier:
+    """Refines what was found and looks at how many points fit, and where those are that do not.
+
+    A place near by is also known from another side, of which little is in its map: then few points need fit, if
+    almost none stands where the place was seen to be empty.
+    """
+
+    def __init__(self, config: LoopConfig, matcher: ScanMatcher) -> None:
+        self._config = config
+        self._matcher = matcher
+
+    def thinned(self, query: LineScan) -> FloatArray:
+        """(N, 2): every n-th point, no more than the search takes."""
+        stride = max(1, -(-len(query.points_m) // self._config.max_query_points))
+        return np.ascontiguousarray(query.points_m[::stride])
+
+    def min_score(self, pair: Candidate) -> float:
+        """Of the search."""
+        return self._config.min_partial_score if self._may_be_partial(pair) else self._config.min_score
+
+    def verified(
+        self,
+        pair: Candidate,
+        query: LineScan,
+        guess: FloatArray,
+        local_map: LocalMap,
+        views: Sequence[View],
+        share: Share,
+    ) -> Generator[None, None, Closure | None]:
+        """`guess`: (3,), the query in the frame of the old node, as of its `local_map` and its `views`."""
+        match = yield from self._matcher.refine_slowly(query, local_map, guess, share)
+        moved_m = math.hypot(match.pose[0] - guess[0], match.pose[1] - guess[1])
+        if not moved_m <= self._config.max_refinement_m:  # nor where it is not a number
+            return None
+        partial = match.share < self._config.min_inlier_share
+        if partial and not (self._may_be_partial(pair) and (yield from self._agrees(query, match, views, share))):
+            return None
+        return Closure(pair.old, pair.new, match.pose, match.information, pair.shift_m > 0, partial)
+
+    def _may_be_partial(self, pair: Candidate) -> bool:
+        return 0 < pair.shift_m <= self._config.max_partial_search_m
+
+    def _agrees(
+        self, query: LineScan, match: Match, views: Sequence[View], share: Share
+    ) -> Generator[None, None, bool]:
+        """Enough points hold the query, and few are where the place is known to be empty."""
+        config = self._config
+        points = float(np.linalg.eigvalsh(match.information[:2, :2])[0]) * self._matcher.noise_m**2
+        if match.share < config.min_partial_share or points < config.min_held_share * len(query.points_m):
+            return False
+        through = yield from seen_through_share(
+            self.thinned(query), match.pose, views, config.through_margin_m, config.through_margin_ratio, share
+        )
+        return through <= config.max_through_share * (through + match.share)

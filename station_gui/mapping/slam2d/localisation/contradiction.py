@@ -1,0 +1,69 @@
+"""Whether a scan can have been made where the robot is followed: a quick look, before the map is searched."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station_gui.mapping.slam2d.graph.sight.sight import View, seen_through_share
+from station_gui.mapping.slam2d.keyframes import Keyframe
+from station_gui.mapping.slam2d.localisation.config import DoubtConfig
+from station_gui.mapping.slam2d.share import Share, at_once
+
+FloatArray = NDArray[np.float64]
+
+
+class Contradiction:
+    """Scans that look through each other's points were made in different places, or things have moved."""
+
+    def __init__(self, config: DoubtConfig, keyframes: Sequence[Keyframe], poses: FloatArray) -> None:
+        """`poses`: (K, 3) of the keyframes of the map, map frame."""
+        self._config = config
+        self._keyframes = keyframes
+        self._poses = poses
+        self._usual: FloatArray | None = None
+
+    def found_by(self, scan: Keyframe, pose: FloatArray) -> bool:
+        """More than is usual here; `pose`: (3,), where the robot is followed."""
+        limit = self._config.impossible
+        impossible = self._impossible(scan, pose, len(self._poses))
+        if (impossible <= limit).all():
+            return False
+        if self._usual is None:
+            self._usual = self._usual_near(pose)
+        return bool((impossible > self._usual + limit).any())
+
+    def _usual_near(self, pose: FloatArray) -> FloatArray:
+        """(2,): what the newest scans in the map near to there say of those before them."""
+        newest = self._near(pose, len(self._poses))[-self._config.usual_keyframes :]
+        each = [self._impossible(self._keyframes[k], self._poses[k], k) for k in newest.tolist()]
+        return np.asarray(np.mean(each, axis=0))
+
+    def _near(self, pose: FloatArray, before: int) -> NDArray[np.int64]:
+        """Of the first `before` keyframes."""
+        away_m = np.hypot(*(self._poses[:before, :2] - pose[:2]).T)
+        return np.flatnonzero(away_m <= max(self._config.view_m, float(away_m.min(initial=np.inf))))
+
+    def _impossible(self, scan: Keyframe, pose: FloatArray, before: int) -> FloatArray:
+        """(2,): the share of the scan's points that the map has looked through, and of the map's that the scan has."""
+        near = self._near(pose, before)
+        near = near[:: max(1, -(-len(near) // self._config.views))]
+        views = [View(self._poses[k], self._keyframes[k]) for k in near.tolist()]
+        here = View(pose, scan)
+        through = [self._looked_through(view, [here]) for view in views if len(view.keyframe.points_m)]
+        return np.array([self._looked_through(here, views), float(np.mean(through)) if through else 0.0])
+
+    def _looked_through(self, points: View, views: Sequence[View]) -> float:
+        config, shares = self._config, [0.0]
+        stride = -(-len(points.keyframe.points_m) // config.view_points) or 1
+        points_m = points.keyframe.points_m[::stride].astype(np.float64)
+
+        def look(share: Share) -> Generator[None, None, None]:
+            shares[0] = yield from seen_through_share(
+                points_m, points.in_place, views, config.view_margin_m, config.view_margin_ratio, share
+            )
+
+        at_once(look)
+        return shares[0]
