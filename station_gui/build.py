@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from shared.link.base import Link
-from shared.link.pairing import read_pairing
-from shared.link.tcp import TcpClientLink
 from shared.runtime.clock import Clock, wall_clock_name
+from station_gui.comms.connect import Connector
+from station_gui.comms.target import Target
 from station_gui.config import StationConfig
 from station_gui.mapping.pipeline import MappingPipeline
 from station_gui.mapping.saved_map import SavedMap
@@ -19,7 +20,7 @@ from station_gui.mapping.slam2d.graph_slam import GraphSlam
 from station_gui.mapping.slam2d.localisation.map_tracker import MapTracker
 from station_gui.mapping.slam2d.localisation.self_locating import SelfLocatingSlam
 from station_gui.mapping.slam2d.particle.particle_slam import ParticleSlam
-from station_gui.model.station import MakeLink, NameRecording, Station
+from station_gui.model.station import NameRecording, Station
 from station_gui.planning.path_planner import PathPlanner
 
 
@@ -44,25 +45,26 @@ def build_station(
     config: StationConfig,
     clock: Clock,
     first_command: int,
-    make_link: MakeLink | None = None,
+    make_link: Callable[[str, int], Link] | None = None,
     name_recording: NameRecording | None = None,
 ) -> Station:
-    """A station that connects over TCP and records as configured, unless told otherwise."""
+    """A station that connects and records as configured, unless told otherwise."""
+
+    connector = Connector(clock, config.session.connect_timeout_s, config.pairing, config.radio)
+
+    def make(target: Target) -> Link:
+        return connector(target) if make_link is None else make_link(target.host, target.port)
+
     return Station(
         config.session,
         clock,
-        make_link or partial(_connect_tcp, timeout_s=config.session.connect_timeout_s, pairing_file=config.pairing),
+        make,
         partial(build_pipeline, config),
         config.car,
-        PathPlanner(config.car, config.planner),
+        PathPlanner(config.car, config.planning),
         name_recording or partial(_name_recording, config.recording.folder),
         first_command,
     )
-
-
-def _connect_tcp(host: str, port: int, timeout_s: float, pairing_file: str) -> Link:
-    pairing = read_pairing(Path(pairing_file).expanduser()) if pairing_file else None
-    return TcpClientLink(host, port, timeout_s, pairing)
 
 
 def _name_recording(folder: str) -> Path | None:

@@ -8,12 +8,13 @@ from typing import Literal
 
 from shared.config import load
 from shared.geometry.ackermann import CarGeometry
+from shared.link.radio_config import RadioConfig
 from station_gui.comms.session import SessionConfig
-from station_gui.mapping.objects.combine import CombineConfig
+from station_gui.mapping.objects.config import CombineConfig
 from station_gui.mapping.slam2d.config import GraphSlamConfig
 from station_gui.mapping.slam2d.localisation.config import LocalisationConfig
 from station_gui.mapping.slam2d.particle.config import ParticleSlamConfig
-from station_gui.planning.path_planner import PlannerConfig
+from station_gui.planning.config import PlannerConfig
 from station_gui.views.config import WindowConfig
 
 DEFAULT_PATH = Path(__file__).with_name("station.toml")
@@ -29,12 +30,13 @@ class StationConfig:
     car: CarGeometry
     method: Literal["graph", "particle"] = "graph"  # of 2D SLAM
     pairing: str = ""  # file of `radio-config key new`, the same on the robot; empty speaks with any robot
+    radio: RadioConfig = field(default_factory=RadioConfig)
     session: SessionConfig = field(default_factory=SessionConfig)
     slam: GraphSlamConfig = field(default_factory=GraphSlamConfig)
     particle_slam: ParticleSlamConfig = field(default_factory=ParticleSlamConfig)
     localisation: LocalisationConfig = field(default_factory=LocalisationConfig)
     combine: CombineConfig = field(default_factory=CombineConfig)
-    planner: PlannerConfig = field(default_factory=PlannerConfig)
+    planning: PlannerConfig = field(default_factory=PlannerConfig)
     window: WindowConfig = field(default_factory=WindowConfig)
     recording: RecordingConfig = field(default_factory=RecordingConfig)
 

@@ -42,7 +42,7 @@ def main() -> int:
     system.close()
     system.station.finish_mapping()
     free = GridMap(np.zeros((150, 150), np.float32), (-1.5, -1.5), 0.02)
-    PathPlanner(station.car, station.planner).plan(free, Pose2(), (0.7, 0.3))
+    PathPlanner(station.car, station.planning).plan(free, Pose2(), (0.7, 0.3))
     print(f"compiled in {time.monotonic() - began_s:.0f} s")
     return 0
 

@@ -1,43 +1,25 @@
-"""Plans a path that the car can drive, forward and in reverse, to a point of the map (hybrid A*)."""
+"""Plans a path that the car can drive, forward and in reverse, to a point of the map."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from shared.geometry.ackermann import CarGeometry
 from shared.geometry.se2 import Pose2
 from shared.runtime.clock import stopwatch_s
 from station_gui.mapping.snapshot import GridMap
-from station_gui.planning import _kernels
-from station_gui.planning.costmap import Costmap, CostmapConfig, make_costmap
-from station_gui.planning.shortcuts import Road, shorten, walk
-
-
-@dataclass(frozen=True, slots=True)
-class PlannerConfig:
-    costmap: CostmapConfig = field(default_factory=CostmapConfig)
-    margin_m: float = 0.05  # kept from everything; the robot itself insists on 3 cm
-    check_margin_m: float = 0.02  # a path stays free while this much is left of it
-    escape_m: float = 0.05  # a start that is so much too near to something is still a start
-    comfort_m: float = 0.15  # beyond the margin; a path costs more where there is less
-    turning_reserve: float = 1.08  # the path's circles are this much wider than the car's smallest
-    discs: int = 4  # that cover the car
-    headings: int = 72
-    step_m: float = 0.12
-    search_cell_m: float = 0.05
-    max_states: int = 12_000_000  # the search's cells grow with the map beyond this
-    max_expansions: int = 60_000
-    reverse_cost: float = 1.6  # of a metre in reverse, in metres forward
-    cusp_cost_m: float = 0.30
-    steering_cost_m: float = 0.03
-    tight_cost: float = 2.0  # of a metre at the margin
-    spacing_m: float = 0.04
+from station_gui.planning.config import PlannerConfig
+from station_gui.planning.costmap import Costmap, make_costmap
+from station_gui.planning.guide import Guide, coarsening, make_guide
+from station_gui.planning.lattice import _kernels as lattice
+from station_gui.planning.road import MOST_ELEMENTS, Road, body_clearance_m, walk
+from station_gui.planning.rrt import Target, Tree
 
 
 class Refusal(Enum):
@@ -49,6 +31,7 @@ class Refusal(Enum):
     TOO_NEAR = "the goal is too near to an obstacle"
     ROBOT_BLOCKED = "the robot stands against an obstacle in the map"
     NO_WAY = "there is no way for the car to the goal"
+    NOT_FOUND = "no way to the goal was found in time"
 
 
 class PlanningError(Exception):
@@ -64,12 +47,14 @@ class Plan:
     """`path`: (N, 3) float64, x_m, y_m, theta_rad of the robot, map frame, at most `spacing_m` apart.
 
     Where the heading points against the way to the next point, the car goes in reverse.
-    `clearance_m`: of the body to anything that is not free, along the way.
+    `clearance_m`: of the body to anything that is not free, along the way; at most margin and comfort together.
+    `cost_m`: what the planner makes small: metres, more of them where it is tight, in reverse and for each cusp.
     """
 
     path: NDArray[np.float64]
     length_m: float
     clearance_m: float
+    cost_m: float
     planning_s: float
 
 
@@ -79,7 +64,7 @@ class PathPlanner:
     def __init__(self, car: CarGeometry, config: PlannerConfig) -> None:
         self._car = car
         self._config = config
-        self._discs_m, self._radius_m = _cover(car, config.discs)
+        self._body = np.array([car.rear_m, car.front_m, car.width_m / 2, config.margin_m, config.comfort_m])
 
     def plan(
         self,
@@ -93,14 +78,15 @@ class PathPlanner:
         costmap = make_costmap(grid, self._car, self._config.costmap, map_from_robot)
         self._check_goal(costmap, goal_m)
         road = self._road(costmap, map_from_robot)
-        goal = np.array([*goal_m, 0.0 if goal_heading_rad is None else goal_heading_rad])
-        elements = self._search(costmap, road, goal, goal_heading_rad is None)
-        elements = shorten(road, elements, goal, goal_heading_rad is None)
+        goal = Target(np.array([*goal_m, goal_heading_rad or 0.0]), goal_heading_rad is None)
+        guide = self._guide(costmap, road, goal)
+        elements = self._way(road, guide, goal, lambda: stopwatch_s() - began_s > self._config.timeout_s)
         path = walk(map_from_robot, elements, self._config.spacing_m)
         return Plan(
             path,
             float(np.abs(elements[:, 1]).sum()),
             self._clearance_m(costmap, path),
+            road.cost(elements),
             stopwatch_s() - began_s,
         )
 
@@ -108,6 +94,43 @@ class PathPlanner:
         """Whether the car can still go along `path`, (N, 3), map frame; hand in what is left of it."""
         costmap = make_costmap(grid, self._car, self._config.costmap, map_from_robot)
         return self._clearance_m(costmap, np.asarray(path, np.float64)) >= self._config.check_margin_m
+
+    def _way(self, road: Road, guide: Guide, goal: Target, time_is_up: Callable[[], bool]) -> NDArray[np.float64]:
+        """Elements (M, 2) of the way by the method that is configured."""
+        tree = self._config.tree
+        if self._config.method == "rrt":
+            found = self._explore(road, guide, goal, tree.most_samples, time_is_up)
+            if found is None:
+                raise PlanningError(Refusal.NOT_FOUND)
+            return found
+        first = self._first(road, guide, goal, time_is_up)
+        if tree.samples == 0:
+            return first
+        growing = Tree(road, guide, goal, tree, tree.samples + MOST_ELEMENTS)
+        growing.plant(first)
+        better = road.shorten(growing.improve(tree.samples, time_is_up), goal.pose, goal.free_heading)
+        return min(first, better, key=road.cost)
+
+    def _first(self, road: Road, guide: Guide, goal: Target, time_is_up: Callable[[], bool]) -> NDArray[np.float64]:
+        """A way, (M, 2): that of RRT, or a cheaper one of the lattice, which alone can tell that there is none."""
+        config = self._config
+        found = self._explore(road, guide, goal, config.tree.first_samples, time_is_up)
+        lattice = config.lattice
+        if found is None:
+            searched = self._search(road, guide, goal, lattice.max_expansions, math.inf)
+        else:
+            searched = self._search(road, guide, goal, lattice.expansions, road.cost(found))
+        ways = [way for way in (found, searched) if way is not None]
+        if not ways:
+            raise PlanningError(Refusal.NO_WAY)
+        return min(ways, key=road.cost)
+
+    def _explore(
+        self, road: Road, guide: Guide, goal: Target, samples: int, time_is_up: Callable[[], bool]
+    ) -> NDArray[np.float64] | None:
+        """The way by RRT, (M, 2), shortened."""
+        way = Tree(road, guide, goal, self._config.tree, samples + 1).find(samples, time_is_up)
+        return None if way is None else road.shorten(way, goal.pose, goal.free_heading)
 
     def _check_goal(self, costmap: Costmap, goal_m: tuple[float, float]) -> None:
         cell = costmap.cell_of(*goal_m)
@@ -123,83 +146,54 @@ class PathPlanner:
     def _road(self, costmap: Costmap, map_from_robot: Pose2) -> Road:
         config = self._config
         pose = map_from_robot.as_array()
-        clear = self._body_clearance_m(costmap, pose)
-        needed = self._radius_m + config.margin_m
-        if clear < self._radius_m - config.escape_m:
+        frame = np.array([*costmap.origin_m, costmap.cell_m])
+        clear = float(body_clearance_m(costmap.clearance_m, frame, self._body, pose[None])[0])
+        if clear <= 0.0:
             raise PlanningError(Refusal.ROBOT_BLOCKED)
         tightest = 1.0 / (config.turning_reserve * self._car.min_turning_radius_m)
         return Road(
-            clearance_m=costmap.clearance_m,
-            origin_m=costmap.origin_m,
-            cell_m=costmap.cell_m,
-            discs_m=self._discs_m,
-            radius_m=needed,
-            comfort_m=config.comfort_m,
-            start=np.array([*pose, min(clear - 0.005, needed)]),
+            field_m=costmap.clearance_m,
+            frame=frame,
+            car=self._body,
+            start=np.array([*pose, min(max(clear - 0.005, 0.003), config.margin_m)]),
             costs=np.array(
                 [config.reverse_cost, config.cusp_cost_m, config.steering_cost_m, config.tight_cost, tightest]
             ),
         )
 
+    def _guide(self, costmap: Costmap, road: Road, goal: Target) -> Guide:
+        config = self._config.lattice
+        factor = coarsening(costmap, config.cell_m, config.headings, config.max_states)
+        guide = make_guide(costmap, road.start[:2], goal.pose[:2], self._car.width_m / 2, factor)
+        if not guide.connected:
+            raise PlanningError(Refusal.NO_WAY)
+        return guide
+
     def _search(
-        self, costmap: Costmap, road: Road, goal: NDArray[np.float64], free_heading: bool
-    ) -> NDArray[np.float64]:
-        config = self._config
-        factor = self._coarsening(costmap)
-        passable = ndimage.maximum_filter(costmap.clearance_m, factor)[factor // 2 :: factor, factor // 2 :: factor]
-        way_m = np.empty(passable.shape)
-        cell_m = factor * costmap.cell_m
-        column, row = ((goal[:2] - costmap.origin_m) / cell_m).astype(int)
-        row, column = min(row, passable.shape[0] - 1), min(column, passable.shape[1] - 1)
-        _kernels.ways_to_goal(passable >= self._car.width_m / 2, cell_m, row, column, way_m)
-        elements = np.zeros((2000, 2))
-        count = _kernels.search(
-            road.clearance_m,
-            road.origin_m[0],
-            road.origin_m[1],
-            road.cell_m,
-            road.discs_m,
-            road.radius_m,
-            road.comfort_m,
+        self, road: Road, guide: Guide, goal: Target, expansions: int, limit: float
+    ) -> NDArray[np.float64] | None:
+        """The way by hybrid A*, (M, 2), shortened, if it costs less than `limit`."""
+        config = self._config.lattice
+        elements = np.zeros((MOST_ELEMENTS, 2))
+        count = lattice.search(
+            road.field_m,
+            road.frame,
+            road.car,
             road.start,
             road.costs,
-            goal,
-            free_heading,
-            way_m,
-            cell_m,
+            goal.pose,
+            goal.free_heading,
+            guide.to_goal_m,
+            guide.cell_m,
             config.headings,
             config.step_m,
-            config.max_expansions,
+            expansions,
+            limit,
             elements,
         )
-        if count == 0:
-            raise PlanningError(Refusal.NO_WAY)
-        return elements[:count]
-
-    def _coarsening(self, costmap: Costmap) -> int:
-        """How many cells of the map make one of the search, so that its states stay bounded."""
-        cells = costmap.clearance_m.size * self._config.headings
-        wanted = max(self._config.search_cell_m / costmap.cell_m, math.sqrt(cells / self._config.max_states))
-        return max(1, math.ceil(wanted - 1e-9))
-
-    def _body_clearance_m(self, costmap: Costmap, pose: NDArray[np.float64]) -> float:
-        return _kernels.body_clearance(
-            costmap.clearance_m,
-            costmap.origin_m[0],
-            costmap.origin_m[1],
-            costmap.cell_m,
-            self._discs_m,
-            pose[0],
-            pose[1],
-            pose[2],
-        )
+        return None if count == 0 else road.shorten(elements[:count], goal.pose, goal.free_heading)
 
     def _clearance_m(self, costmap: Costmap, path: NDArray[np.float64]) -> float:
-        return min((self._body_clearance_m(costmap, pose) for pose in path), default=math.inf) - self._radius_m
-
-
-def _cover(car: CarGeometry, count: int) -> tuple[NDArray[np.float64], float]:
-    """The middles and the radius of discs along the car's axis that cover its rectangle."""
-    part = (car.front_m + car.rear_m) / count
-    middles = -car.rear_m + part * (np.arange(count, dtype=np.float64) + 0.5)
-    return middles, math.hypot(part / 2, car.width_m / 2)
+        frame = np.array([*costmap.origin_m, costmap.cell_m])
+        clear = body_clearance_m(costmap.clearance_m, frame, self._body, path)
+        return float(clear.min(initial=math.inf))

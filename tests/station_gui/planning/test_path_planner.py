@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from shared.geometry.ackermann import CarGeometry
 from shared.geometry.se2 import Pose2, wrap_angle
 from station_gui.mapping.snapshot import GridMap
-from station_gui.planning.path_planner import PathPlanner, Plan, PlannerConfig, PlanningError, Refusal
+from station_gui.planning.config import PlannerConfig
+from station_gui.planning.path_planner import PathPlanner, Plan, PlanningError, Refusal
 
 CAR = CarGeometry(0.26, 0.17, 0.04, 0.5, 0.305, 0.045, 0.20)
 FREE, OCCUPIED, UNKNOWN = 0.05, 0.95, 0.5

@@ -1,0 +1,58 @@
+"""How far it is to a place for a point that may turn on the spot: what guides the searches of the car's way."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from station_gui.planning.costmap import Costmap
+from station_gui.planning.lattice import _kernels as lattice
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Guide:
+    """`to_goal_m`, `from_start_m`: (rows, columns), infinite where there is no way; cells of `cell_m`."""
+
+    to_goal_m: NDArray[np.float64]
+    from_start_m: NDArray[np.float64]
+    origin_m: tuple[float, float]
+    cell_m: float
+
+    @property
+    def connected(self) -> bool:
+        """Whether a point gets from the start to the goal."""
+        return bool(np.isfinite(self.to_goal_m + self.from_start_m).any())
+
+    def cells_within_m(self, way_m: float) -> NDArray[np.float64]:
+        """(M, 2): the lower left corners of the cells through which a way of that length may lead."""
+        both = self.to_goal_m + self.from_start_m
+        # Cells are walked in eight directions: at most 8.3 % too far.
+        rows, columns = np.nonzero(np.isfinite(both) & (0.92 * both <= way_m + 2 * self.cell_m))
+        corners: NDArray[np.float64] = np.column_stack((columns, rows)) * self.cell_m + self.origin_m
+        return corners
+
+
+def make_guide(
+    costmap: Costmap, start_m: NDArray[np.float64], goal_m: NDArray[np.float64], half_width_m: float, factor: int
+) -> Guide:
+    """`factor` cells of the map, each way, make one of the guide."""
+    passable = ndimage.maximum_filter(costmap.clearance_m, factor)[factor // 2 :: factor, factor // 2 :: factor]
+    cell_m = factor * costmap.cell_m
+    ways = []
+    for point in (goal_m, start_m):
+        way_m = np.empty(passable.shape)
+        column, row = ((point - costmap.origin_m) / cell_m).astype(int)
+        row, column = (min(max(int(k), 0), n - 1) for k, n in zip((row, column), passable.shape, strict=True))
+        lattice.ways_to_goal(passable >= half_width_m, cell_m, row, column, way_m)
+        ways.append(way_m)
+    return Guide(ways[0], ways[1], costmap.origin_m, cell_m)
+
+
+def coarsening(costmap: Costmap, cell_m: float, headings: int, max_states: int) -> int:
+    """How many cells of the map make one of the search, so that its states stay bounded."""
+    wanted = max(cell_m / costmap.cell_m, math.sqrt(costmap.clearance_m.size * headings / max_states))
+    return max(1, math.ceil(wanted - 1e-9))

@@ -1,0 +1,215 @@
+"""Kernels: heap, way to go without a heading, and hybrid A* (Dolgov et al. 2010).
+
+`field_m`, `frame` and `car` are as in `body`, `start`, `costs` and elements as in `steering`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from station_gui.planning.steering._kernels import (
+    best_connection,
+    change_cost,
+    copy_elements,
+    copy_pose,
+    drive_element,
+)
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+_TURN = 2.0 * math.pi
+
+
+@njit(nogil=True, cache=True)
+def heap_push(keys: Floats, items: Ints, size: int, key: float, item: int) -> int:
+    """Put an item into the binary heap of `size` items; returns the new size. A full heap drops the item."""
+    if size >= len(keys):
+        return size
+    i = size
+    while i > 0:
+        parent = (i - 1) // 2
+        if keys[parent] <= key:
+            break
+        keys[i] = keys[parent]
+        items[i] = items[parent]
+        i = parent
+    keys[i] = key
+    items[i] = item
+    return size + 1
+
+
+@njit(nogil=True, cache=True)
+def heap_pop(keys: Floats, items: Ints, size: int) -> int:
+    """Take the item with the smallest key, which is then at index `size - 1`; the new size is `size - 1`."""
+    top_key = keys[0]
+    top_item = items[0]
+    last = size - 1
+    key = keys[last]
+    item = items[last]
+    i = 0
+    while True:
+        child = 2 * i + 1
+        if child >= last:
+            break
+        if child + 1 < last and keys[child + 1] < keys[child]:
+            child += 1
+        if keys[child] >= key:
+            break
+        keys[i] = keys[child]
+        items[i] = items[child]
+        i = child
+    keys[i] = key
+    items[i] = item
+    keys[last] = top_key
+    items[last] = top_item
+    return last
+
+
+@njit(nogil=True, cache=True)
+def ways_to_goal(passable: NDArray[np.bool_], cell_m: float, row: int, column: int, way_m: Floats) -> None:
+    """Dijkstra: write how far each cell is from the goal cell over passable cells, infinite where there is no way."""
+    rows, columns = passable.shape
+    way_m.fill(math.inf)
+    keys = np.empty(9 * rows * columns)
+    items = np.empty(9 * rows * columns, np.int64)
+    way_m[row, column] = 0.0
+    size = heap_push(keys, items, 0, 0.0, row * columns + column)
+    while size > 0:
+        size = heap_pop(keys, items, size)
+        here = items[size]
+        walked = keys[size]
+        i = here // columns
+        j = here % columns
+        if walked > way_m[i, j]:
+            continue
+        for di in range(-1, 2):
+            for dj in range(-1, 2):
+                a = i + di
+                b = j + dj
+                if a < 0 or b < 0 or a >= rows or b >= columns or not passable[a, b]:
+                    continue
+                way = walked + cell_m * math.hypot(di, dj)
+                if way < way_m[a, b] - 1e-9:
+                    way_m[a, b] = way
+                    size = heap_push(keys, items, size, way, a * columns + b)
+
+
+@njit(nogil=True, cache=True)
+def search(
+    field_m: Floats,
+    frame: Floats,
+    car: Floats,
+    start: Floats,
+    costs: Floats,
+    goal: Floats,
+    free_heading: bool,
+    way_m: Floats,
+    way_cell: float,
+    headings: int,
+    step_m: float,
+    max_expansions: int,
+    limit: float,
+    elements: Floats,
+) -> int:
+    """Hybrid A* (Dolgov et al. 2010): write the elements of a way to the goal that costs less than `limit`; returns
+    their count, 0 if there is none.
+
+    `way_m` guides: the way to the goal of a point, on a coarser grid with cells of `way_cell`.
+    """
+    rows, columns = way_m.shape
+    pool = 6 * max_expansions + 16
+    nodes = np.empty((pool, 4))  # x, y, theta, cost so far
+    led = np.zeros((pool, 2))  # the element that led here
+    parents = np.empty(pool, np.int64)
+    parents[0] = -1
+    best = np.empty(rows * columns * headings, np.float32)
+    best.fill(math.inf)
+    keys = np.empty(pool)
+    items = np.empty(pool, np.int64)
+    pose = np.empty(3)
+    tail = np.zeros((5, 2))
+    final = np.zeros((5, 2))
+    table = np.empty((44, 5, 2))
+    final_cost = limit
+    final_node = -1
+    nodes[0, 0] = start[0]
+    nodes[0, 1] = start[1]
+    nodes[0, 2] = start[2]
+    nodes[0, 3] = 0.0
+    count = 1
+    size = heap_push(keys, items, 0, 0.0, 0)
+    expansions = 0
+    while size > 0 and expansions < max_expansions:
+        size = heap_pop(keys, items, size)
+        node = items[size]
+        if keys[size] >= final_cost:
+            break
+        expansions += 1
+        i = min(max(int((nodes[node, 1] - frame[1]) / way_cell), 0), rows - 1)
+        j = min(max(int((nodes[node, 0] - frame[0]) / way_cell), 0), columns - 1)
+        if way_m[i, j] < 1.0 or expansions % 10 == 1:
+            copy_pose(nodes[node], pose)
+            cost = best_connection(
+                field_m, frame, car, start, costs, pose, led[node], goal, free_heading,
+                final_cost - nodes[node, 3], table, tail,
+            )  # fmt: skip
+            if nodes[node, 3] + cost < final_cost:
+                final_cost = nodes[node, 3] + cost
+                final_node = node
+                copy_elements(tail, final, 5)
+        for move in range(6):
+            curvature = costs[4] * (move % 3 - 1)
+            length = step_m if move < 3 else -step_m
+            copy_pose(nodes[node], pose)
+            cost = nodes[node, 3] + change_cost(costs, led[node, 0], led[node, 1], curvature, length)
+            cost += drive_element(field_m, frame, car, start, costs, pose, curvature, length)
+            if cost >= final_cost or count >= pool:
+                continue
+            i = int((pose[1] - frame[1]) / way_cell)
+            j = int((pose[0] - frame[0]) / way_cell)
+            if i < 0 or j < 0 or i >= rows or j >= columns or way_m[i, j] == math.inf:
+                continue
+            h = int((pose[2] / _TURN - math.floor(pose[2] / _TURN)) * headings) % headings
+            state = (i * columns + j) * headings + h
+            if cost >= best[state] - 1e-6:
+                continue
+            best[state] = cost
+            nodes[count, 0] = pose[0]
+            nodes[count, 1] = pose[1]
+            nodes[count, 2] = pose[2]
+            nodes[count, 3] = cost
+            led[count, 0] = curvature
+            led[count, 1] = length
+            parents[count] = node
+            size = heap_push(keys, items, size, cost + way_m[i, j], count)
+            count += 1
+    if final_node < 0:
+        return 0
+    return _unwind(parents, led, final_node, final, elements)
+
+
+@njit(nogil=True, cache=True)
+def _unwind(parents: Ints, led: Floats, node: int, final: Floats, elements: Floats) -> int:
+    """Write the elements from the root to `node` and then those of the final connection; returns their count."""
+    depth = 0
+    at = node
+    while parents[at] >= 0:
+        depth += 1
+        at = parents[at]
+    if depth + 5 > len(elements):
+        return 0
+    at = node
+    for k in range(depth - 1, -1, -1):
+        elements[k, 0] = led[at, 0]
+        elements[k, 1] = led[at, 1]
+        at = parents[at]
+    for e in range(5):
+        if abs(final[e, 1]) > 1e-6:
+            elements[depth, 0] = final[e, 0]
+            elements[depth, 1] = final[e, 1]
+            depth += 1
+    return depth

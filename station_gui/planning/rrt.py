@@ -1,0 +1,140 @@
+"""Trees of poses that grow through free space: RRT (LaValle 1998) and RRT* (Karaman and Frazzoli 2011).
+
+Edges are the ways of Reeds and Shepp, so that the car can follow what is found. RRT* begins with a way that is known
+already and draws its samples where a better one may lead (Gammell et al. 2014), by the way that a point would go.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.geometry.se2 import Pose2
+from station_gui.planning.config import TreeConfig
+from station_gui.planning.guide import Guide
+from station_gui.planning.road import MOST_ELEMENTS, Road, split, walk
+from station_gui.planning.tree import _kernels
+
+_EDGE_M = 0.5  # of the way that is known already
+_PATH_POINT_M = 0.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Target:
+    """`pose`: (3,); its heading does not matter where it is free."""
+
+    pose: NDArray[np.float64]
+    free_heading: bool
+
+
+class Tree:
+    """Grows from the start of a road."""
+
+    def __init__(self, road: Road, guide: Guide, goal: Target, config: TreeConfig, capacity: int) -> None:
+        self._road = road
+        self._guide = guide
+        self._goal = goal
+        self._config = config
+        self._random = np.random.default_rng(config.seed)
+        self._poses = np.zeros((capacity, 3))
+        self._costs = np.zeros(capacity)
+        self._driven = np.zeros(capacity)
+        self._links = np.full((3, capacity), -1, np.int64)  # parent, first child, next sibling
+        self._edges = np.zeros((capacity, 5, 2))
+        self._ends = np.zeros((capacity, 2, 2))
+        self._at_goal = np.zeros(capacity, bool)
+        self._poses[0] = road.start[:3]
+        self._count = 1
+
+    def plant(self, elements: NDArray[np.float64]) -> None:
+        """Put a way to the goal, (M, 2), into the tree."""
+        parts = split(elements, _EDGE_M)
+        poses, spent = self._road.prices(parts)
+        edge = np.zeros((5, 2))
+        for k in range(min(len(parts), len(self._poses) - 1)):
+            node = self._count
+            edge[0] = parts[k]
+            self._poses[node], self._costs[node] = poses[k + 1], spent[k + 1]
+            _kernels.set_edge(self._edges, self._ends, node, edge)
+            _kernels.hang(*self._links, node, node - 1)
+            change = _kernels.change_cost(self._road.costs, *self._ends[node - 1, 1], *self._ends[node, 0])
+            self._driven[node] = spent[k + 1] - spent[k] - change
+            self._count += 1
+        self._at_goal[self._count - 1] = True
+
+    @property
+    def best_cost(self) -> float:
+        """Of the best way to the goal so far; infinite without one."""
+        return float(self._costs[self._at_goal].min(initial=math.inf))
+
+    def improve(self, samples: int, time_is_up: Callable[[], bool]) -> NDArray[np.float64]:
+        """RRT*: the best way, (M, 2), after so many samples or when the time is up."""
+        drawn = 0
+        while drawn < samples and not time_is_up():
+            self._grow(min(self._config.batch, samples - drawn), rewire=True)
+            drawn += self._config.batch
+        return self._best()
+
+    def find(self, samples: int, time_is_up: Callable[[], bool]) -> NDArray[np.float64] | None:
+        """RRT: the first way, (M, 2), None when there is none after so many samples or when the time is up."""
+        drawn = 0
+        while drawn < samples and not time_is_up() and not self._at_goal.any():
+            self._grow(self._config.batch, rewire=False)
+            drawn += self._config.batch
+        return self._best() if self._at_goal.any() else None
+
+    def _grow(self, samples: int, rewire: bool) -> None:
+        targets, to_goal = self._targets(samples, rewire)
+        road = self._road
+        self._count = _kernels.grow(
+            road.field_m,
+            road.frame,
+            road.car,
+            road.start,
+            road.costs,
+            targets,
+            to_goal,
+            self._guide.to_goal_m,
+            self._guide.cell_m,
+            self._config.reach_m,
+            rewire,
+            self._poses,
+            self._costs,
+            self._driven,
+            *self._links,
+            self._edges,
+            self._ends,
+            self._at_goal,
+            self._count,
+        )
+
+    def _targets(self, samples: int, rewire: bool) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """(N, 3) poses to grow to, and (N,) which of them are at the goal."""
+        config, random = self._config, self._random
+        best_m = self.best_cost if rewire else math.inf
+        cells = self._guide.cells_within_m(best_m)
+        targets = np.empty((samples, 3))
+        targets[:, :2] = cells[random.integers(len(cells), size=samples)]
+        targets[:, :2] += random.uniform(0.0, self._guide.cell_m, (samples, 2))
+        targets[:, 2] = random.uniform(-math.pi, math.pi, samples)
+        if rewire:
+            path = walk(Pose2.from_array(self._poses[0]), self._best(), _PATH_POINT_M)
+            near = random.random(samples) < config.path_share
+            about = path[random.integers(len(path), size=samples)]
+            spread = (config.path_spread_m, config.path_spread_m, config.path_spread_rad)
+            targets[near] = (about + random.normal(0.0, spread, (samples, 3)))[near]
+        to_goal = random.random(samples) < config.goal_share
+        targets[to_goal, :2] = self._goal.pose[:2]
+        if not self._goal.free_heading:
+            targets[to_goal, 2] = self._goal.pose[2]
+        return targets, to_goal
+
+    def _best(self) -> NDArray[np.float64]:
+        at_goal = np.flatnonzero(self._at_goal)
+        node = int(at_goal[np.argmin(self._costs[at_goal])])
+        elements = np.zeros((MOST_ELEMENTS, 2))
+        return elements[: _kernels.unwind(self._links[0], self._edges, node, elements)]
