@@ -8,6 +8,7 @@ import os
 import secrets
 import sys
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +18,11 @@ from robot_app.check import check_devices, table_row
 from robot_app.config import RobotConfig, load_config
 from robot_app.drivers.base import DeviceError
 from robot_app.drivers.raspberry_pi import open_hardware
+from robot_app.link import open_link
 from robot_app.run import run_robot, stop_on_signals
 from robot_app.service import ServiceManager
-from robot_app.uplink import BUSY
-from shared.command_line import EXIT_FAILED, EXIT_OK, Parser, port_number, run, set_up_logging
-from shared.link.pairing import read_pairing
-from shared.link.tcp import TcpServerLink
+from shared.command_line import EXIT_FAILED, EXIT_OK, Parser, Refused, port_number, run, set_up_logging
+from shared.link.pairing import read_pairing, write_new_pairing
 from shared.runtime.clock import MonotonicClock
 
 _log = logging.getLogger("robot-app")
@@ -42,6 +42,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--check", action="store_true", help="open each device in turn, print what it says, and end; no wheel turns"
     )
+    parser.add_argument(
+        "--new-pairing",
+        metavar="FILE",
+        type=Path,
+        help="write a new pairing file, for link.pairing; copy it to the station",
+    )
     parser.add_argument("--verbose", action="store_true", help="log everything")
     return parser
 
@@ -59,9 +65,11 @@ def _check(config: RobotConfig) -> int:
 def _drive(config: RobotConfig, args: argparse.Namespace) -> int:
     stop, clock = stop_on_signals(), MonotonicClock()
     bind = config.link.bind if args.bind is None else args.bind
-    pairing = read_pairing(Path(config.link.pairing).expanduser()) if config.link.pairing else None
+    port = config.link.port if args.port is None else args.port
+    config = replace(config, link=replace(config.link, bind=bind, port=port))
     with ExitStack() as opened:
-        link = TcpServerLink(bind, config.link.port if args.port is None else args.port, clock, BUSY, pairing)
+        opened_link = open_link(config, clock)
+        link = opened_link.link
         opened.callback(link.close)
         hardware = open_hardware(config.devices, config.car, clock)
         opened.callback(hardware.close)
@@ -69,11 +77,21 @@ def _drive(config: RobotConfig, args: argparse.Namespace) -> int:
         _log.info("compiling; this takes a while the first time")
         app.warm_up()
         service = ServiceManager(os.environ.get("NOTIFY_SOCKET"))
-        run_robot(app, clock, stop, service, lambda: _log.info("ready: listening on %s:%d", bind, link.port))
+        run_robot(app, clock, stop, service, lambda: _log.info("ready: listening on %s", opened_link.where))
+    return EXIT_OK
+
+
+def _new_pairing(path: Path) -> int:
+    if path.exists():
+        raise Refused(f"{path}: is there already; remove it first if the station shall need a new one too")
+    write_new_pairing(path)
+    print(f"{path}: {read_pairing(path).fingerprint}")  # noqa: T201 - the command's own words
     return EXIT_OK
 
 
 def _work(args: argparse.Namespace) -> int:
+    if args.new_pairing is not None:
+        return _new_pairing(args.new_pairing)
     config = load_config(args.config)
     return _check(config) if args.check else _drive(config, args)
 

@@ -25,7 +25,7 @@ from robot_app.sensing.observation import observe
 from robot_app.sensing.odometry import Odometry
 from robot_app.sensing.scan_filter import thin, thinned_geometry
 from robot_app.uplink import Uplink
-from shared.link.base import Link
+from shared.link.base import Link, LinkPath
 from shared.messages import (
     Command,
     EmergencyStop,
@@ -44,6 +44,7 @@ _log = logging.getLogger(__name__)
 _READ_TIMEOUT_S = 0.015
 _LOCK_TIMEOUT_S = 0.05
 _IMU_REPEATS = 10
+_OBSERVE_S = 0.1
 _RUNNING = {MissionState.OBSERVE, MissionState.COMMAND}
 _CONTROL_HUNG_S = 0.25  # without a control tick for so long the motor is cut from another thread
 
@@ -90,11 +91,14 @@ class RobotApp:
         self._is_shut = False
         self._sequence = 0
         self._observed_scan_s = -math.inf
+        self._observe_due_s = clock.now_s()
+        self._observe_waits = False  # for room on the link
         self._sent_objects_s = -math.inf
         self._health: Callable[[], tuple[TaskHealth, ...]] = tuple
 
     def warm_up(self) -> None:
         """Compile all kernels and touch all buffers; call it before the tasks run."""
+        self._uplink.warm_up()
         self._extractor.warm_up()
         self._tracker.warm_up()
         warm_up_control(self._config.car, self._config.control, self._geometry)
@@ -164,6 +168,9 @@ class RobotApp:
     def _control(self) -> None:
         now_s = self._clock.now_s()
         self._control_s = now_s
+        slow = self._uplink.path is LinkPath.RADIO
+        safety = self._config.safety
+        self._guard.silence_limit_s = safety.command_silence_radio_s if slow else safety.command_silence_s
         scan = self._scan.stamped()
         if scan is not None:
             self._pilot.take_scan(scan.value, self._geometry)
@@ -203,8 +210,13 @@ class RobotApp:
         self._objects.put(objects, image.stamp_s)
 
     def _observe(self) -> None:
+        """The newest, at ten a second or as often as the link has room."""
+        now_s = self._clock.now_s()
         scan = self._scan.stamped()
-        if scan is None or scan.stamp_s <= self._observed_scan_s:
+        if now_s < self._observe_due_s - 1e-6 or scan is None or scan.stamp_s <= self._observed_scan_s:
+            return
+        if not self._uplink.has_room:
+            self._observe_waits = True
             return
         objects = self._objects.stamped()
         if objects is not None and not self._is_news(objects.stamp_s):
@@ -213,7 +225,9 @@ class RobotApp:
         if observation is None:
             return
         self._observed_scan_s = scan.stamp_s
-        if self._uplink.observe(observation):
+        waited, self._observe_waits = self._observe_waits, False
+        if self._uplink.observe(observation, now_s, waited):
+            self._observe_due_s = max(self._observe_due_s + _OBSERVE_S, now_s + _OBSERVE_S / 2)
             self._sequence += 1
             if objects is not None:
                 self._sent_objects_s = objects.stamp_s

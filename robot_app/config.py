@@ -20,15 +20,17 @@ from robot_app.sensing.scan_filter import ScanFilterConfig
 from shared.config import load
 from shared.geometry.ackermann import CarGeometry
 from shared.geometry.camera import CameraMount
+from shared.link.radio_config import LinkUse, RadioConfig, longest_word_s
 
 DEFAULT_PATH = Path(__file__).with_name("robot.toml")
 
 
 @dataclass(frozen=True, slots=True)
 class LinkConfig:
+    use: LinkUse = "tcp"  # Wi-Fi, LoRa ("radio"), or both: LoRa for when Wi-Fi fails
     port: int = 47100
     bind: str = "0.0.0.0"  # noqa: S104 - the robot is reached from the lab's network
-    pairing: str = ""  # the pairing file; empty lets anybody in
+    pairing: str = ""  # the pairing file; empty lets anybody in over Wi-Fi, and nobody over LoRa
 
     def __post_init__(self) -> None:
         if not 0 <= self.port <= 65_535:
@@ -52,6 +54,7 @@ class RobotConfig:
     car: CarGeometry
     camera: CameraMount
     link: LinkConfig = field(default_factory=LinkConfig)
+    radio: RadioConfig = field(default_factory=RadioConfig)
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     scan_filter: ScanFilterConfig = field(default_factory=ScanFilterConfig)
     perception: PerceptionConfig = field(default_factory=PerceptionConfig)
@@ -59,6 +62,21 @@ class RobotConfig:
     mission: MissionConfig = field(default_factory=MissionConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
     devices: DeviceConfig = field(default_factory=DeviceConfig)
+
+    def __post_init__(self) -> None:
+        if self.link.use == "tcp":
+            return
+        needs = f"link.use is {self.link.use!r}:"
+        if not self.radio.ports:
+            raise ValueError(f"{needs} radio.ports must name the modules' ports; `radio-config list` shows them")
+        if not self.link.pairing:
+            raise ValueError(f"{needs} link.pairing must name a pairing file; make one with `robot-app --new-pairing`")
+        word_s = longest_word_s(self.radio.settings(0))
+        if self.safety.command_silence_radio_s < word_s:
+            raise ValueError(
+                f"safety.command_silence_radio_s is {self.safety.command_silence_radio_s:g}, and as [radio] is set the "
+                f"station is heard every {word_s:.1f} s at worst: raise it, or take a faster setting of the radios"
+            )
 
 
 def load_config(path: Path | None) -> RobotConfig:

@@ -1,33 +1,46 @@
 """The robot's side of the conversation: answers commands, reports what it sees.
 
 Observations are pulled when the link has room: the newest is sent, older ones are never queued behind a slow radio.
+Over LoRa they are compact, and of the telemetry a pulse goes once a second; what changes in it goes whole, at once.
 """
 
 from __future__ import annotations
 
 import logging
+import math
 from collections import OrderedDict
 from collections.abc import Callable
+from dataclasses import fields
 
-from shared.link.base import Link, LinkError
+from robot_app.budget import Budget
+from shared.link.base import ForRadio, Lane, Link, LinkError, LinkPath
 from shared.messages import (
     Ack,
     Command,
     EmergencyStop,
     Heartbeat,
     Hello,
+    KeyframeWanted,
     NumberedCommand,
     Observation,
+    Pulse,
     Refusal,
     Stop,
     Telemetry,
 )
 from shared.protocol.codec import Decoder, encode
+from shared.protocol.compact.warm_up import warm_up
+from shared.protocol.observations import EncodedObservation, ObservationEncoder
 
 _log = logging.getLogger(__name__)
 _REMEMBERED = 64  # commands whose answer is known, for repeats
 _COMMANDS_PER_TICK = 32
-_HELLO_EVERY_S = 2.0
+_HELLO_EVERY_S = 2.0  # where a datagram may be dropped …
+_HELLO_AGAIN_S = 30.0  # … and where nothing is lost
+_PULSE_S = 1.0  # over LoRa
+_WHOLE_TELEMETRY_S = 10.0  # the same
+_KEYFRAME_S = 1.0  # who wants one again so soon has not got the last one yet
+_WANTED_HZ = 8.0  # of observations over LoRa: detail gives way before it
 _NUMBER_JUMP = 100_000  # five heartbeats a second for five hours of silence
 
 Handler = Callable[[Command], tuple[bool, str]]
@@ -49,7 +62,29 @@ class Uplink:
         self._was_connected = False
         self._last_number: int | None = None
         self._stop_number: int | None = None
+        self._has_radio = link.health.lora is not None
+        self._encoder = ObservationEncoder()
+        self._budget = Budget(_WANTED_HZ)
+        self._resets = link.resets
+        self._keyframe_s = -math.inf
+        self._wants_keyframe = False
+        self._told: tuple[object, ...] = ()
+        self._told_s = self._pulse_s = -math.inf
         self.observations_skipped = 0
+
+    def warm_up(self) -> None:
+        """Compile what the first observation needs."""
+        if self._has_radio:
+            warm_up()
+
+    @property
+    def path(self) -> LinkPath:
+        return self._link.path
+
+    @property
+    def has_room(self) -> bool:
+        """An observation that is sent now goes at once."""
+        return self._link.has_room
 
     def receive(self, handle: Handler, heard: Callable[[], None], changed_hands: Callable[[], None]) -> None:
         """Take all commands that have come; a repeated one is answered again and not carried out again.
@@ -66,25 +101,64 @@ class Uplink:
                 self._note_station(message.number, changed_hands)
                 heard()
                 self._answer(message, handle)
+            elif isinstance(message, KeyframeWanted):
+                self._wants_keyframe = True
 
     def greet(self, now_s: float) -> None:
-        """Say hello at once on a new connection and every two seconds after."""
+        """Say hello at once on a new connection and now and then after."""
         connected = self._link.connected
-        if connected and (not self._was_connected or now_s - self._hello_s >= _HELLO_EVERY_S):
+        every_s = _HELLO_AGAIN_S if self._link.mends_itself else _HELLO_EVERY_S
+        is_new = not self._was_connected or self._resets != self._link.resets
+        if connected and (is_new or now_s - self._hello_s >= every_s):
+            if is_new:
+                self._resets = self._link.resets
+                self._told, self._wants_keyframe, self._keyframe_s = (), True, -math.inf
             self._hello_s = now_s
-            self._send(self._hello)
+            self._send(encode(self._hello), Lane.COMMAND)
         if connected != self._was_connected:
             _log.info("station %s", "connected" if connected else "gone")
         self._was_connected = connected
 
     def report(self, telemetry: Telemetry) -> None:
-        self._send(telemetry)
+        now_s, whole = telemetry.stamp_s, encode(telemetry)
+        if not self._link.mends_itself:
+            self._send(whole, Lane.NEWEST)
+            return
+        news = (telemetry.state, telemetry.stop_reason, telemetry.following_goal, telemetry.faults)
+        slow = self._link.path is LinkPath.RADIO
+        due = news != self._told or (slow and now_s - self._told_s >= _WHOLE_TELEMETRY_S)
+        if due and self._send(whole, Lane.COMMAND):
+            self._told, self._told_s = news, now_s
+        if now_s - self._pulse_s >= _PULSE_S:
+            self._pulse_s = now_s
+            self._send(whole, Lane.NEWEST, for_radio=lambda: encode(_pulse_of(telemetry)))
+        elif not slow:
+            self._send(whole, Lane.NEWEST)
 
-    def observe(self, observation: Observation) -> bool:
-        """Send an observation; False when the link had no room or no peer."""
-        sent = self._send(observation)
+    def observe(self, observation: Observation, now_s: float, waited: bool = False) -> bool:
+        """Send an observation; False when the link had no room or no peer. `waited`: there was none a moment ago."""
+        if not self._has_radio:
+            sent = self._send(encode(observation), Lane.BULK)
+        elif not self._link.has_room:
+            sent = False
+        else:
+            sent = self._observe_compactly(observation, now_s, waited)
         self.observations_skipped += not sent
         return sent
+
+    def _observe_compactly(self, observation: Observation, now_s: float, waited: bool) -> bool:
+        if self._wants_keyframe and now_s - self._keyframe_s >= _KEYFRAME_S:
+            self._wants_keyframe = False
+            self._encoder.reset()
+        encoded = self._encoder.encode(observation, self._budget.most_bytes)
+        if encoded.keyframe:
+            self._keyframe_s = now_s
+        if not self._send(encoded.full, Lane.BULK, for_radio=_for_radio(encoded)):
+            self._encoder.reset()
+            return False
+        if self._link.path is LinkPath.RADIO:
+            self._budget.sent(now_s, len(encoded.compact or encoded.full), waited)
+        return True
 
     def _note_station(self, number: int, changed_hands: Callable[[], None]) -> None:
         last, self._last_number = self._last_number, number
@@ -104,7 +178,7 @@ class Uplink:
             self._answers[message.number] = known
             if len(self._answers) > _REMEMBERED:
                 self._answers.popitem(last=False)
-        self._send(known)
+        self._send(encode(known), Lane.COMMAND)
 
     def _carry_out(self, message: NumberedCommand, handle: Handler) -> Ack:
         """An order that was given before a stop and comes after it is not carried out."""
@@ -121,8 +195,17 @@ class Uplink:
         except LinkError:
             return None
 
-    def _send(self, message: Ack | Hello | Observation | Telemetry) -> bool:
+    def _send(self, datagram: bytes, lane: Lane, for_radio: ForRadio | None = None) -> bool:
         try:
-            return self._link.connected and self._link.send(encode(message))
+            return self._link.connected and self._link.send(datagram, lane, 0, for_radio)
         except LinkError:
             return False
+
+
+def _for_radio(encoded: EncodedObservation) -> ForRadio | None:
+    compact = encoded.compact
+    return None if compact is None else lambda: compact
+
+
+def _pulse_of(telemetry: Telemetry) -> Pulse:
+    return Pulse(**{f.name: getattr(telemetry, f.name) for f in fields(Pulse)})

@@ -134,6 +134,27 @@ class Telemetry:
 
 
 @dataclass(frozen=True, slots=True)
+class Pulse:
+    """What of the telemetry goes over LoRa, once a second; the names are those of `Telemetry`."""
+
+    stamp_s: float
+    state: MissionState
+    stop_reason: StopReason
+    odom_from_robot: Pose2
+    speed_mps: float
+    steering_rad: float
+    battery_v: float
+    motor_current_a: float
+    cpu_temperature_c: float
+    distance_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class KeyframeWanted:
+    """The station cannot follow the compact observations any more: the next one must stand for itself."""
+
+
+@dataclass(frozen=True, slots=True)
 class Hello:
     """The robot's first words on a new connection."""
 
@@ -216,5 +237,5 @@ class NumberedCommand:
     command: Command
 
 
-Report = Observation | Telemetry | Hello | Ack | Refusal
-Message = Report | NumberedCommand
+Report = Observation | Telemetry | Pulse | Hello | Ack | Refusal
+Message = Report | NumberedCommand | KeyframeWanted

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from shared.command_line import Parser, Refused, address, existing_file, run, set_up_logging
+from station_gui.comms.target import Target
 from station_gui.config import RecordingConfig, load_config
 from station_gui.mapping.saved_map import MapFileError, read_map
 from station_gui.model.station import Station
@@ -22,6 +23,13 @@ def _parser() -> argparse.ArgumentParser:
         epilog="example: station-gui --connect 192.168.1.20:47100",
     )
     parser.add_argument("--connect", metavar="HOST:PORT", type=address, help="connect to this robot at once")
+    parser.add_argument(
+        "--radio",
+        metavar="PORT",
+        nargs="+",
+        help="connect over LoRa at these ports, beside --connect for when Wi-Fi fails; "
+        "for example /dev/ttyACM0:A /dev/ttyACM0:B",
+    )
     parser.add_argument(
         "--config", metavar="FILE", type=Path, help="settings instead of the station.toml that comes along"
     )
@@ -51,7 +59,9 @@ def _work(args: argparse.Namespace) -> int:
 
     from station_gui.app import run_window  # noqa: PLC0415 - Qt is loaded only once a window can open
 
-    return run_window(config, secrets.randbits(31), args.connect, when_open)
+    host, port = args.connect or ("", 0)
+    target = Target(host, port, tuple(args.radio or ()))
+    return run_window(config, secrets.randbits(31), target if str(target) else None, when_open)
 
 
 def main() -> int:

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from shared.command_line import EXIT_FAILED, EXIT_OK, Refused, run, set_up_logging
+from station_gui.comms.target import Target
 from station_gui.config import StationConfig, load_config
 from tools.simulator.scenario import Scenario, find_scenario
 from tools.simulator.truth import SIMULATION_FILE, TRUTH_FILE, read_truth
@@ -122,7 +123,7 @@ def _show(config: StationConfig, out: Path, say: _Say) -> int:
     with simulated_robot(out) as port:
         say("the window opens: press Start observation; later choose Go to and click on the map")
         recording = out / "mission.mcap"
-        code = run_window(config, secrets.randbits(31), ("127.0.0.1", port), name_recording=lambda: recording)
+        code = run_window(config, secrets.randbits(31), Target("127.0.0.1", port), name_recording=lambda: recording)
     print(f"the mission was recorded in {recording}")
     return code
 

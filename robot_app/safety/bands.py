@@ -50,7 +50,8 @@ class SafetyConfig:
     low_battery_v: Band = Band(5.6, 6.2)
     stall: StallConfig = field(default_factory=StallConfig)
     min_beams: int = 12  # a scan with fewer echoes is that of a covered scanner
-    command_silence_s: float = 1.0  # without a word from the station for so long the car stands
+    command_silence_s: float = 1.0  # without a word from the station for so long the car stands …
+    command_silence_radio_s: float = 2.0  # … and while LoRa alone carries words, which come turn by turn
     resume_within_s: float = 15.0  # a longer silence ends the mission
 
     def __post_init__(self) -> None:
@@ -62,5 +63,10 @@ class SafetyConfig:
             raise ValueError("min_beams must be at least 1")
         if not 0 < self.command_silence_s <= _LONGEST_SILENCE_S:
             raise ValueError(f"command_silence_s must be above 0 and at most {_LONGEST_SILENCE_S}")
+        if not self.command_silence_s <= self.command_silence_radio_s <= _LONGEST_SILENCE_S:
+            raise ValueError(
+                f"command_silence_radio_s must be from command_silence_s, {self.command_silence_s}, "
+                f"to {_LONGEST_SILENCE_S}"
+            )
         if not 0 < self.resume_within_s <= _LONGEST_ABSENCE_S:
             raise ValueError(f"resume_within_s must be above 0 and at most {_LONGEST_ABSENCE_S}")

@@ -14,9 +14,9 @@ class Guard:
     """Collects what speaks against moving. The first reason of the table below that stands is the one reported."""
 
     def __init__(self, config: SafetyConfig, scan_max_age_s: float, odometry_max_age_s: float, now_s: float) -> None:
-        self._config = config
         self._scan_max_age_s = scan_max_age_s
         self._odometry_max_age_s = odometry_max_age_s
+        self.silence_limit_s = config.command_silence_s  # what the link's present path allows
         self._heat = BandWatch(config.over_temperature_c)
         self._battery = BandWatch(config.low_battery_v)
         self._heard_s = self._back_s = now_s
@@ -25,7 +25,7 @@ class Guard:
 
     def heard(self, now_s: float) -> None:
         """A command or a heartbeat came from the station."""
-        if self.silence_s(now_s) > self._config.command_silence_s:
+        if self.silence_s(now_s) > self.silence_limit_s:
             self._back_s = now_s
         self._heard_s = now_s
 
@@ -35,7 +35,7 @@ class Guard:
     def _is_spoken_to(self, now_s: float) -> bool:
         """After a silence one word is not enough: it may have lain in some buffer, and its sender be gone."""
         speaks_again = self._heard_s - self._back_s >= _SPEAKING_S
-        return speaks_again and self.silence_s(now_s) <= self._config.command_silence_s
+        return speaks_again and self.silence_s(now_s) <= self.silence_limit_s
 
     def take_temperature(self, cpu_c: float) -> None:
         self._heat.update(cpu_c)

@@ -46,6 +46,7 @@ class RadioHealth:
 
     operates: bool
     rssi_dbm: float  # of the other side's packets, smoothed; NaN before anything was heard
+    fault: str = ""  # why its port is not open
 
 
 @dataclass(frozen=True, slots=True)

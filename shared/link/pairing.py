@@ -1,16 +1,19 @@
 """The pairing file: what robot and station know and nobody else does.
 
-One PEM file, the same on both sides, written once by `radio-config key new`: a private key and its own certificate.
-TLS takes both as they are: each side shows the certificate and trusts no other. The key of the radios is derived from
-the private key. Validity dates are not looked at: a Raspberry Pi without a network does not know what day it is.
+One PEM file, the same on both sides, written once by `radio-config key new` or `robot-app --new-pairing`: a private key
+and its own certificate. TLS takes both as they are: each side shows the certificate and trusts no other. The key of the
+radios is derived from the private key. Validity dates are not looked at: a Raspberry Pi without a network does not know
+what day it is.
 """
 
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 import ssl
 import stat
+import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +23,11 @@ _CERTIFICATE = re.compile(r"-----BEGIN CERTIFICATE-----.+?-----END CERTIFICATE--
 _PRIVATE_KEY = re.compile(r"-----BEGIN PRIVATE KEY-----(.+?)-----END PRIVATE KEY-----", re.DOTALL)
 _NO_CHECK_TIME = ssl.VerifyFlags(0x200000)  # X509_V_FLAG_NO_CHECK_TIME, which the module does not name
 _MOST_BYTES = 65_536
+_OPENSSL = (
+    "openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes",
+    "-days", "36500", "-subj", "/CN=low-bandwidth-mapper", "-keyout", "-", "-out", "-",
+)  # fmt: skip
+_OPENSSL_TIMEOUT_S = 30.0
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -68,3 +76,21 @@ def read_pairing(path: Path) -> Pairing:
         raise LinkError(f"{path}: is no pairing file; make one with `radio-config key new`")
     secret = "".join(private_key[1].split()).encode()
     return Pairing(path, certificate[0], hashlib.blake2s(secret, person=b"radio").digest())
+
+
+def write_new_pairing(path: Path) -> None:
+    """A fresh key, readable by its owner alone. Raises `LinkError` without openssl, `OSError` for a bad place."""
+    try:
+        made = subprocess.run(_OPENSSL, capture_output=True, check=True, timeout=_OPENSSL_TIMEOUT_S).stdout
+    except FileNotFoundError as error:
+        raise LinkError("there is no openssl program to make the key with; `sudo apt install openssl`") from error
+    except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
+        raise LinkError(f"openssl makes no key: {error}") from error
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_name(f"{path.name}.new")
+    unfinished.unlink(missing_ok=True)
+    with os.fdopen(os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+        file.write(made)
+        file.flush()
+        os.fsync(file.fileno())
+    unfinished.replace(path)

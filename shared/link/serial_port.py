@@ -7,14 +7,32 @@ import errno
 import os
 import select
 import termios
+from dataclasses import dataclass
 
 import serial
+from serial.tools import list_ports
 
 from shared.link.base import LinkError
 from shared.link.byte_port import PortStatistics
 
 _READ_BYTES = 4_096
 _WRITE_TIMEOUT_S = 1.0  # 64 bytes at 9600 baud take 67 ms; a port that takes longer than this hangs
+
+
+@dataclass(frozen=True, slots=True)
+class PortInfo:
+    path: str
+    description: str
+    serial_number: str
+
+
+def list_serial_ports() -> list[PortInfo]:
+    """The ports of this computer at which something is plugged in."""
+    found = (
+        PortInfo(p.device, p.description if p.description != "n/a" else "", p.serial_number or "")
+        for p in list_ports.comports()
+    )
+    return sorted((p for p in found if p.description or p.serial_number), key=lambda p: p.path)
 
 
 class SerialPort:

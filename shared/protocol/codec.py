@@ -16,11 +16,14 @@ _HEAD_BYTES = 2
 _CRC_BYTES = 4
 
 
-def encode(message: Message) -> bytes:
-    """The datagram of a message."""
+_COMMANDS = wire.COMMANDS | wire.BRIEF
+
+
+def encode(message: Message, brief: bool = False) -> bytes:
+    """The datagram of a message. `brief`: a command in as few bytes as it can be said in, for LoRa."""
     if isinstance(message, NumberedCommand):
-        type_id = wire.TYPE_OF[type(message.command)]
-        body = wire.COMMAND_NUMBER.write(message.number) + wire.COMMANDS[type_id].write(message.command)
+        type_id = (wire.BRIEF_TYPE_OF if brief else wire.TYPE_OF)[type(message.command)]
+        body = wire.COMMAND_NUMBER.write(message.number) + _COMMANDS[type_id].write(message.command)
     else:
         type_id = wire.TYPE_OF[type(message)]
         body = wire.REPORTS[type_id].write(message)
@@ -67,9 +70,9 @@ class Decoder:
 
 def _read(type_id: int, reader: Reader) -> Message:
     message: Message
-    if type_id in wire.COMMANDS:
+    if type_id in _COMMANDS:
         number = wire.COMMAND_NUMBER.read(reader)
-        message = NumberedCommand(number, wire.COMMANDS[type_id].read(reader))
+        message = NumberedCommand(number, _COMMANDS[type_id].read(reader))
     elif type_id in wire.REPORTS:
         message = wire.REPORTS[type_id].read(reader)
     else:

@@ -282,6 +282,27 @@ class FloatTable:
         return values.reshape(count, self.columns)
 
 
+@dataclass(frozen=True, slots=True)
+class DeltaTable:
+    """A (N, columns) array on a grid of `units`, each row as its difference from the one before; most take a byte a
+    column. What is farther than a difference of 2**20 units is clipped.
+    """
+
+    units: tuple[float, ...]
+
+    def write(self, value: NDArray[np.floating]) -> bytes:
+        levels = np.round(np.asarray(value, np.float64) / self.units).astype(np.int64)
+        steps = np.diff(levels, axis=0, prepend=np.zeros((1, len(self.units)), np.int64))
+        symbols = zigzag(np.clip(steps, -(1 << 20) + 1, (1 << 20) - 1))
+        return len(value).to_bytes(2, "little") + write_varints(symbols.ravel())
+
+    def read(self, reader: Reader) -> NDArray[np.float32]:
+        count, columns = _read_count(reader), len(self.units)
+        steps = unzigzag(read_varints(reader, count * columns)).reshape(count, columns)
+        scaled: NDArray[np.float32] = (np.cumsum(steps, axis=0) * self.units).astype(np.float32)
+        return scaled
+
+
 class IndexPairs:
     """A (M, 2) array of indices."""
 

@@ -1,6 +1,6 @@
 """The table of everything that crosses the air: the single source of the protocol.
 
-A change here that an older peer would misread must change `VERSION`.
+A change here that an older peer would misread must change `VERSION`, which is below 7 (see `observations.py`).
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from shared.geometry.se2 import Pose2
 from shared.protocol.fields import (
     Choice,
     DeltaSeries,
+    DeltaTable,
     Flag,
     FloatTable,
     IndexPairs,
@@ -31,6 +32,7 @@ _MILLI_KNOWN = Number("h", 0.001)  # cannot be "none"
 _CENTI = Number("h", 0.01, allow_nan=True)
 
 _POSE = Record(Pose2, (("x_m", _F32), ("y_m", _F32), ("theta_rad", _F32)))
+_ROUGH_POSE = Record(Pose2, (("x_m", Number("h", 0.01)), ("y_m", Number("h", 0.01)), ("theta_rad", _MILLI_KNOWN)))
 
 _GEOMETRY = Record(
     m.ScanGeometry,
@@ -92,6 +94,22 @@ REPORTS: dict[int, Record] = {
     ),
     4: Record(m.Ack, (("command", _U32), ("accepted", Flag()), ("reason", Text()))),
     5: Record(m.Refusal, (("reason", Text()),)),
+    6: Record(
+        m.Pulse,
+        (
+            ("stamp_s", Number("I", 0.001)),
+            ("state", Choice(m.MissionState)),
+            ("stop_reason", Choice(m.StopReason)),
+            ("odom_from_robot", _ROUGH_POSE),
+            ("speed_mps", Number("b", 0.01)),
+            ("steering_rad", Number("b", 0.01)),
+            ("battery_v", Number("B", 0.04, allow_nan=True)),
+            ("motor_current_a", Number("b", 0.1, allow_nan=True)),
+            ("cpu_temperature_c", Number("b", 1.0, allow_nan=True)),
+            ("distance_m", Number("H", 0.1)),
+        ),
+    ),
+    7: Record(m.KeyframeWanted, ()),
 }
 
 COMMANDS: dict[int, Record] = {
@@ -103,5 +121,9 @@ COMMANDS: dict[int, Record] = {
     69: Record(m.Heartbeat, ()),
 }
 
+# The same commands in fewer bytes, for LoRa.
+BRIEF: dict[int, Record] = {70: Record(m.GoTo, (("goal_id", _U32), ("path", DeltaTable((0.002, 0.002, 0.005)))))}
+
 COMMAND_NUMBER = _U32
 TYPE_OF: dict[type, int] = {record.kind: type_id for type_id, record in (REPORTS | COMMANDS).items()}
+BRIEF_TYPE_OF: dict[type, int] = TYPE_OF | {record.kind: type_id for type_id, record in BRIEF.items()}

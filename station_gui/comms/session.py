@@ -12,9 +12,24 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from shared.link.base import MAX_DATAGRAM_BYTES, Link, LinkError
-from shared.messages import Ack, Command, EmergencyStop, Heartbeat, NumberedCommand, Refusal, Report, Stop
-from shared.protocol.codec import Decoder, encode
+import numpy as np
+
+from shared.link.base import MAX_DATAGRAM_BYTES, Lane, Link, LinkError, LinkHealth, LinkPath
+from shared.messages import (
+    Ack,
+    Command,
+    Drive,
+    EmergencyStop,
+    GoTo,
+    Heartbeat,
+    KeyframeWanted,
+    NumberedCommand,
+    Refusal,
+    Report,
+    Stop,
+)
+from shared.protocol.codec import encode
+from shared.protocol.observations import MessageDecoder, Received
 from shared.protocol.wire import VERSION
 from shared.runtime.clock import Clock
 from station_gui.comms.state import LinkState, Severity
@@ -26,19 +41,29 @@ class SessionConfig:
     heartbeat_s: float = 0.2  # the robot stands after a second without one
     retry_s: float = 0.4
     tries: int = 5
-    silence_s: float = 2.0  # without a word for so long the link counts as lost
+    silence_s: float = 2.0  # without a word for so long the link counts as lost …
+    silence_radio_s: float = 4.0  # … and so long over LoRa, where the least that comes is a pulse a second
+    retry_radio_s: float = 2.0  # LoRa repeats what was lost by itself
     reconnect_first_s: float = 0.5  # and doubles with each failure …
     reconnect_last_s: float = 4.0  # … up to this
 
     def __post_init__(self) -> None:
-        if self.tries < 1 or min(self.heartbeat_s, self.retry_s, self.silence_s, self.reconnect_first_s) <= 0:
-            raise ValueError("tries, heartbeat_s, retry_s, silence_s and reconnect_first_s must be positive")
+        times_s = (self.heartbeat_s, self.retry_s, self.retry_radio_s, self.silence_s, self.reconnect_first_s)
+        if self.tries < 1 or min(times_s) <= 0:
+            raise ValueError(
+                "tries, heartbeat_s, retry_s, retry_radio_s, silence_s, reconnect_first_s must be positive"
+            )
+        if self.silence_radio_s < self.silence_s:
+            raise ValueError("silence_radio_s must not be below silence_s")
 
 
 class Listener(Protocol):
     """Who hears what comes in; called in the thread of `step()`."""
 
-    def on_datagram(self, datagram: bytes) -> None: ...
+    def on_datagram(self, received: Received, size: int) -> None:
+        """Whatever could be decoded; `size` is that of the datagram as it came."""
+        ...
+
     def on_report(self, report: Report) -> None: ...
     def on_event(self, severity: Severity, text: str) -> None: ...
 
@@ -60,6 +85,9 @@ Connect = Callable[[], Link]
 _MAX_PENDING = 32
 _NEW_HANDS = 1 << 20  # a jump of the numbers by which the robot knows another station
 _DATAGRAMS_PER_STEP = 256
+_HEARTBEAT_SLOT, _DRIVE_SLOT, _KEYFRAME_SLOT = 0, 1, 2  # of the newest
+_KEYFRAME_AGAIN_S = 2.0
+_BRIEF_SPACING_M = 0.1  # of the points of a path on LoRa, as `GoTo` asks for
 
 
 class Session:
@@ -85,7 +113,8 @@ class Session:
         self._link_generation = 0
         self._state = LinkState.DISCONNECTED
         self._pending: list[_Pending] = []  # in the order in which they are sent; under the lock
-        self._decoder = Decoder()
+        self._decoder = MessageDecoder(compact=False)
+        self._keyframe_wanted_s = -math.inf
         self._heard_s = 0.0
         self._heartbeat_s = -math.inf
         self._next_try_s = -math.inf
@@ -97,6 +126,18 @@ class Session:
     @property
     def state(self) -> LinkState:
         return self._state
+
+    @property
+    def link_health(self) -> LinkHealth:
+        """What the link tells of itself; nothing while there is none."""
+        link = self._link
+        return link.health if link is not None else LinkHealth()
+
+    @property
+    def path(self) -> LinkPath | None:
+        """What the observations come over; None while nothing does."""
+        link = self._link
+        return link.path if link is not None and self._state is LinkState.CONNECTED else None
 
     def connect(self, connect: Connect) -> None:
         """Use `connect` to make the link, now and whenever it is lost.
@@ -141,6 +182,8 @@ class Session:
                 return True  # the stronger one is on its way
             number = self._next_number()
             pending = _Pending(number, command, _datagram(number, command))
+            if isinstance(command, Drive):  # only the newest counts
+                self._pending = [p for p in self._pending if not isinstance(p.command, Drive)]
             if is_stop:
                 self._pending.clear()
             elif len(self._pending) >= _MAX_PENDING:
@@ -159,9 +202,12 @@ class Session:
         try:
             self._receive(link)
             self._send_due(link)
-            self._check_silence()
+            self._check_silence(link)
         except LinkError as error:
             self._lost(str(error))
+        while link.events:
+            event = link.events.popleft()
+            self._listener.on_event(Severity.INFO, event.reason)
 
     def close(self) -> None:
         """Let go of the link; the session may be used again."""
@@ -205,21 +251,24 @@ class Session:
         self._heard_s = self._clock.now_s()
         self._heartbeat_s = -math.inf
         self._told_version = False
+        self._decoder = MessageDecoder(compact=link.health.is_secret)
 
     def _receive(self, link: Link) -> None:
         for _ in range(_DATAGRAMS_PER_STEP):
             datagram = link.receive(0.0)
             if datagram is None:
                 return
-            self._listener.on_datagram(datagram)
-            message = self._decoder.decode(datagram)
+            received = self._decoder.decode(datagram)
+            message = received.message if received is not None else None
+            if received is not None:
+                self._listener.on_datagram(received, len(datagram))
             if isinstance(message, Refusal):
                 raise LinkError(f"the robot refuses: {message.reason}")
             if message is not None:
                 self._heard()
             if isinstance(message, Ack):
                 self._acknowledged(message)
-            elif message is not None and not isinstance(message, NumberedCommand):
+            elif message is not None and not isinstance(message, NumberedCommand | KeyframeWanted):
                 self._listener.on_report(message)
             elif message is None and self._damaged() == 1:
                 self._listener.on_event(
@@ -265,13 +314,17 @@ class Session:
             connected = self._state is LinkState.CONNECTED
             waiting = [p for p in self._pending if connected or p.is_stop]
         for pending in waiting:
-            if now_s - pending.sent_s >= self._config.retry_s:
+            retry_s = self._config.retry_radio_s if link.path is LinkPath.RADIO else self._config.retry_s
+            if now_s - pending.sent_s >= retry_s:
                 self._send_or_give_up(link, pending, now_s)
         # No heartbeat while a stop waits for its answer, or nobody looks: then the robot stands by itself.
         may_live = connected and self._operator_is_there() and not any(p.is_stop for p in waiting)
         if may_live and now_s - self._heartbeat_s >= self._config.heartbeat_s:
             self._heartbeat_s = now_s
-            link.send(_datagram(self._next_number(), Heartbeat()))
+            link.send(_datagram(self._next_number(), Heartbeat()), Lane.NEWEST, _HEARTBEAT_SLOT)
+        if self._decoder.wants_keyframe and now_s - self._keyframe_wanted_s >= _KEYFRAME_AGAIN_S:
+            self._keyframe_wanted_s = now_s
+            link.send(encode(KeyframeWanted()), Lane.NEWEST, _KEYFRAME_SLOT)
 
     def _send_or_give_up(self, link: Link, pending: _Pending, now_s: float) -> None:
         if pending.tries >= self._config.tries and not pending.is_stop:
@@ -280,21 +333,25 @@ class Session:
                     self._pending.remove(pending)
             name = type(pending.command).__name__
             self._listener.on_event(Severity.ERROR, f"{name} was not answered after {pending.tries} tries")
-        elif link.send(pending.datagram):
+        elif _send(link, pending):
             pending.sent_s = now_s
             pending.tries += 1
 
     def _next_number(self) -> int:
         return next(self._numbers) & 0xFFFF_FFFF
 
-    def _check_silence(self) -> None:
+    def _check_silence(self, link: Link) -> None:
+        if link.mends_itself and self._state is LinkState.LOST:
+            return
         silent_s = self._clock.now_s() - self._heard_s
-        if silent_s > self._config.silence_s:
+        slow = link.path is LinkPath.RADIO
+        if silent_s > (self._config.silence_radio_s if slow else self._config.silence_s):
             raise LinkError(f"no word from the robot for {silent_s:.1f} s")
 
     def _lost(self, reason: str) -> None:
-        link, self._link = self._link, None
-        if link is not None:
+        link = self._link
+        if link is not None and not link.mends_itself:
+            self._link = None
             link.close()
         with self._lock:
             if self._link_generation != self._generation:
@@ -314,6 +371,31 @@ class Session:
         self._listener.on_event(
             Severity.ERROR, f"link lost: {reason}{tail}. The robot stands until the link is back; reconnecting."
         )
+
+
+def _send(link: Link, pending: _Pending) -> bool:
+    command = pending.command
+    if isinstance(command, Drive):
+        return link.send(pending.datagram, Lane.NEWEST, _DRIVE_SLOT)
+    brief = encode(NumberedCommand(pending.number, _thinned(command)), brief=True)
+    return link.send(pending.datagram, Lane.NOW if pending.is_stop else Lane.COMMAND, for_radio=lambda: brief)
+
+
+def _thinned(command: Command) -> Command:
+    """A path with as few points as the robot needs; where it changes its direction stays."""
+    if not isinstance(command, GoTo) or len(command.path) < 3:
+        return command
+    steps = np.diff(command.path[:, :2], axis=0)
+    headings = command.path[:-1, 2]
+    forward = steps[:, 0] * np.cos(headings) + steps[:, 1] * np.sin(headings) >= 0
+    lengths = np.hypot(steps[:, 0], steps[:, 1])
+    kept, gone_m = [0], 0.0
+    for i in range(1, len(command.path) - 1):
+        gone_m += float(lengths[i - 1])
+        if gone_m + float(lengths[i]) > _BRIEF_SPACING_M or forward[i] != forward[i - 1]:
+            kept.append(i)
+            gone_m = 0.0
+    return GoTo(command.goal_id, command.path[[*kept, len(command.path) - 1]])
 
 
 def _datagram(number: int, command: Command) -> bytes:

@@ -9,23 +9,23 @@ from collections.abc import Callable
 from pathlib import Path
 
 from shared.geometry.ackermann import CarGeometry
-from shared.link.base import Link
+from shared.link.base import Link, LinkPath
+from shared.link.serial_port import list_serial_ports
 from shared.messages import (
     Command,
     Drive,
     EmergencyStop,
     Hello,
     Observation,
+    Pulse,
     Report,
     Start,
     Stop,
-    StopReason,
     Telemetry,
 )
-from shared.protocol.wire import TYPE_OF
+from shared.protocol.observations import Received
 from shared.recording import Recorder, RecordingError
 from shared.runtime.clock import Clock, wall_clock_ns
-from shared.runtime.latest import Latest
 from shared.runtime.runner import OnFault, Row, Task
 from station_gui.comms.session import Session, SessionConfig
 from station_gui.mapping.pipeline import MappingPipeline
@@ -35,16 +35,16 @@ from station_gui.model.figures import MissionFigures, RateMeter
 from station_gui.model.goal import GoalKeeper
 from station_gui.model.journal import Journal
 from station_gui.model.map_files import MapFiles
-from station_gui.model.view import LinkFigures, LogEntry, OperatorView, Severity
+from station_gui.model.telemetry_keeper import TelemetryKeeper
+from station_gui.model.view import LinkFigures, LogEntry, OperatorView, Severity, Target
 from station_gui.planning.path_planner import PathPlanner
 
-_OBSERVATION_TYPE = bytes((TYPE_OF[Observation],))
 _QUEUE = 64  # observations that may wait for the mapping; the oldest give way
 _OBSERVATIONS_PER_STEP = 8
 _SAME_SIZE_M = 0.005
 _LOOKING_S = 1.0  # without a look at the view for so long the operator is not there
 
-MakeLink = Callable[[str, int], Link]
+MakeLink = Callable[[Target], Link]
 MakePipeline = Callable[[], MappingPipeline]
 NameRecording = Callable[[], Path | None]
 
@@ -82,9 +82,9 @@ class Station:
         self._queue_lock = threading.Lock()
         self._recorder: Recorder | None = None
         self._recorder_lock = threading.Lock()
-        self._address = ""
+        self._target = Target()
         self._hello: Hello | None = None
-        self._telemetry: Latest[Telemetry] = Latest()
+        self._telemetry = TelemetryKeeper(self._journal)
         self._observation: Observation | None = None
         self._snapshot: MapSnapshot | None = None
         self._mapping_fault = False
@@ -92,6 +92,7 @@ class Station:
         self._seen_revision = 0
         self._received = RateMeter()
         self._observed = RateMeter()
+        self._observation_bytes = RateMeter()
         self._refreshed = RateMeter()
         self.figures = MissionFigures()
 
@@ -149,8 +150,7 @@ class Station:
         self._map_files.tell(snapshot.tracking)
 
     def _step_planning(self) -> None:
-        telemetry = self._telemetry.stamped()
-        self._goals.step(self._snapshot, telemetry.value if telemetry is not None else None)
+        self._goals.step(self._snapshot, self._telemetry.telemetry)
 
     # --- what the window asks for ---
 
@@ -161,15 +161,14 @@ class Station:
             self._seen_revision = snapshot.revision
             self._refreshed.add(now_s)
             self.figures.saw_update(now_s)
-        telemetry = self._telemetry.stamped()
         recorder = self._recorder
         return OperatorView(
             time_s=now_s,
             link_state=self._session.state,
-            address=self._address,
+            target=self._target,
             link=self._link_figures(now_s),
             robot=self._hello,
-            telemetry=telemetry.value if telemetry is not None else None,
+            telemetry=self._telemetry.telemetry,
             telemetry_age_s=self._telemetry.age_s(now_s),
             observation=self._observation,
             snapshot=snapshot,
@@ -182,11 +181,14 @@ class Station:
     def log_since(self, index: int) -> list[LogEntry]:
         return self._journal.since(index)
 
-    def connect(self, host: str, port: int) -> None:
-        self._address = f"{host}:{port}"
+    def connect(self, host: str, port: int, radio_ports: tuple[str, ...] = ()) -> None:
+        self._target = target = Target(host, port, radio_ports)
         self._begin_recording()
-        self._journal.add(Severity.INFO, f"connecting to {self._address}")
-        self._session.connect(lambda: self._make_link(host, port))
+        self._journal.add(Severity.INFO, f"connecting to {target}")
+        self._session.connect(lambda: self._make_link(target))
+
+    def serial_ports(self) -> list[str]:
+        return [port.path for port in list_serial_ports()]
 
     def disconnect(self) -> None:
         self._session.disconnect()
@@ -239,16 +241,17 @@ class Station:
 
     # --- what the session hears ---
 
-    def on_datagram(self, datagram: bytes) -> None:
+    def on_datagram(self, received: Received, size: int) -> None:
         now_s = self._clock.now_s()
-        self._received.add(now_s, len(datagram))
-        if datagram[1:2] == _OBSERVATION_TYPE:
-            self.figures.observation_bytes += len(datagram)
+        self._received.add(now_s, size)
+        if isinstance(received.message, Observation):
+            self.figures.observation_bytes += size
+            self._observation_bytes.add(now_s, size)
         with self._recorder_lock:
             recorder = self._recorder
             if recorder is None:
                 return
-            recorder.write(datagram, now_s)
+            recorder.write(received.datagram, now_s)
             if recorder.error is not None:
                 self._journal.add(Severity.ERROR, recorder.error)
                 self._recorder = None
@@ -257,8 +260,8 @@ class Station:
         match report:
             case Observation():
                 self._take_observation(report)
-            case Telemetry():
-                self._take_telemetry(report)
+            case Telemetry() | Pulse():
+                self._telemetry.take(report, self._clock.now_s())
             case Hello():
                 self._take_hello(report)
             case _:
@@ -269,7 +272,10 @@ class Station:
 
     def _take_observation(self, observation: Observation) -> None:
         self.figures.observations += 1
-        self._observed.add(self._clock.now_s())
+        now_s = self._clock.now_s()
+        self._observed.add(now_s)
+        if self._session.path is LinkPath.RADIO:
+            self._telemetry.take_motion(observation, now_s)
         with self._queue_lock:
             full = len(self._queue) == _QUEUE
             self._queue.append(observation)
@@ -291,14 +297,6 @@ class Station:
         return len(ours) == len(theirs) and all(
             math.dist(a, b) <= _SAME_SIZE_M for a, b in zip(ours, theirs, strict=True)
         )
-
-    def _take_telemetry(self, telemetry: Telemetry) -> None:
-        before = self._telemetry.stamped()
-        self._telemetry.put(telemetry, self._clock.now_s())
-        if before is None or (before.value.state, before.value.stop_reason) != (telemetry.state, telemetry.stop_reason):
-            self._journal.add(*_mission_event(telemetry))
-        for fault in set(telemetry.faults) - set(before.value.faults if before is not None else ()):
-            self._journal.add(Severity.ERROR, f"robot: {fault}")
 
     # --- mapping and recording ---
 
@@ -330,9 +328,11 @@ class Station:
         return LinkFigures(
             observations_hz=self._observed.per_second(now_s),
             refresh_hz=self._refreshed.per_second(now_s),
-            bytes_per_observation=self.figures.bytes_per_observation,
+            bytes_per_observation=self._observation_bytes.mean(now_s),
             received_bps=8 * self._received.per_second(now_s),
             round_trip_s=self._session.round_trip_s,
+            path=self._session.path,
+            health=self._session.link_health,
         )
 
     def _begin_recording(self) -> None:
@@ -341,7 +341,9 @@ class Station:
         if path is None:
             return
         try:
-            recorder = Recorder(path, {"address": self._address}, wall_clock_ns() - round(self._clock.now_s() * 1e9))
+            recorder = Recorder(
+                path, {"address": str(self._target)}, wall_clock_ns() - round(self._clock.now_s() * 1e9)
+            )
         except RecordingError as error:
             self._journal.add(Severity.ERROR, f"{error}; the mission is not recorded")
             return
@@ -353,10 +355,3 @@ class Station:
             recorder, self._recorder = self._recorder, None
             if recorder is not None:
                 recorder.close()
-
-
-def _mission_event(telemetry: Telemetry) -> tuple[Severity, str]:
-    text = f"mission: {telemetry.state.name.lower()}"
-    if telemetry.stop_reason is StopReason.NONE:
-        return Severity.INFO, text
-    return Severity.WARNING, f"{text}, stopped: {telemetry.stop_reason.name.lower().replace('_', ' ')}"

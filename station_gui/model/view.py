@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.link.base import LinkHealth, LinkPath
 from shared.messages import Hello, Observation, Telemetry
 from station_gui.comms.state import LinkState, Severity
+from station_gui.comms.target import Target
 from station_gui.mapping.snapshot import MapSnapshot
 
-__all__ = ["LinkFigures", "LinkState", "LogEntry", "Operator", "OperatorView", "Severity"]
+__all__ = ["LinkFigures", "LinkState", "LogEntry", "Operator", "OperatorView", "Severity", "Target"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +34,8 @@ class LinkFigures:
     bytes_per_observation: float
     received_bps: float
     round_trip_s: float  # of the last acknowledged command; NaN before the first
+    path: LinkPath | None = None  # what the observations come over; None without a connection
+    health: LinkHealth = field(default_factory=LinkHealth)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +44,7 @@ class OperatorView:
 
     time_s: float
     link_state: LinkState
-    address: str  # host:port, empty before the first connection
+    target: Target  # empty before the first connection
     link: LinkFigures
     robot: Hello | None
     telemetry: Telemetry | None  # None until the first has come
@@ -61,7 +65,14 @@ class Operator(Protocol):
         """The entries from the index-th on; old ones may be gone."""
         ...
 
-    def connect(self, host: str, port: int) -> None: ...
+    def connect(self, host: str, port: int, radio_ports: tuple[str, ...] = ()) -> None:
+        """Over Wi-Fi where there is a host, over LoRa where there are ports, over both by turns."""
+        ...
+
+    def serial_ports(self) -> list[str]:
+        """Where a radio may be plugged in."""
+        ...
+
     def disconnect(self) -> None: ...
     def start(self) -> None: ...
     def stop(self) -> None: ...

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from shared.link.radio_config import LinkUse
+
 
 @dataclass(frozen=True, slots=True)
 class GaugeConfig:
@@ -29,6 +31,7 @@ class WindowConfig:
 
     host: str = "127.0.0.1"  # what the connection menu offers at first
     port: int = 47100
+    link: LinkUse = "tcp"  # what it offers at first: Wi-Fi, LoRa ("radio"), or both
     width_px: int = 1600
     height_px: int = 1000
     refresh_hz: float = 12.0  # each repaint recomposes the whole window because of the OpenGL canvas

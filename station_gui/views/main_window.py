@@ -37,7 +37,8 @@ _SMOOTHING = 0.1  # of the shown cost of a refresh
 class MainWindow(QMainWindow):
     """Looks at the operator's view at a fixed rate and draws what changed; knows no threads."""
 
-    def __init__(self, operator: Operator, config: WindowConfig) -> None:
+    def __init__(self, operator: Operator, config: WindowConfig, radio_ports: tuple[str, ...] = ()) -> None:
+        """`radio_ports`: what the connection menu offers at first."""
         super().__init__()
         self._operator = operator
         self._config = config
@@ -45,7 +46,7 @@ class MainWindow(QMainWindow):
         self._view: OperatorView | None = None
         stale_after_s = config.gauges.stale_after_s
         self.mission = MissionBar(stale_after_s)
-        self.connection = ConnectionPanel(config.host, config.port)
+        self.connection = ConnectionPanel(config, radio_ports, operator.serial_ports)
         self.commands = CommandPanel(stale_after_s)
         self.drive = DrivePanel(config)
         self.details = DetailsPanel()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from shared.link.base import LinkPath
 from shared.messages import MissionState, StopReason, Telemetry
 from station_gui.mapping.snapshot import MapSnapshot, Tracking
 from station_gui.model.view import LinkState, OperatorView
@@ -74,9 +75,23 @@ def age(age_s: float) -> str:
 
 def link_sentence(view: OperatorView) -> str:
     sentence = _LINK_SENTENCES[view.link_state]
-    if view.link_state is LinkState.CONNECTED and view.address:
-        return f"{sentence} to {view.address}"
-    return sentence
+    if view.link_state is not LinkState.CONNECTED:
+        return sentence
+    if view.link.path is LinkPath.RADIO:
+        return f"{sentence} over LoRa"
+    return f"{sentence} to {view.target.host}:{view.target.port}" if view.target.host else sentence
+
+
+def path_text(view: OperatorView) -> str:
+    """What the observations come over, what stands by, and whether others can listen."""
+    health, path = view.link.health, view.link.path
+    if path is None:
+        return NO_VALUE
+    if path is LinkPath.RADIO:
+        other = {None: "", True: ", Wi-Fi is back", False: ", no Wi-Fi"}[health.wifi]
+    else:
+        other = {None: "", True: ", LoRa ready", False: ", no LoRa"}[health.lora]
+    return f"{path.value}{other}{'' if health.is_secret else ', open'}"
 
 
 def tracking_sentence(snapshot: MapSnapshot) -> str:

@@ -95,7 +95,7 @@ def test_the_robot_greets_at_once_and_then_now_and_then(robot: Robot) -> None:
 
 def test_an_observation_that_finds_no_room_is_skipped(robot: Robot, rng: np.random.Generator) -> None:
     observation = samples.observation(rng)
-    sent = [robot.uplink.observe(observation) for _ in range(300)]
+    sent = [robot.uplink.observe(observation, 0.0) for _ in range(300)]
     assert sent.count(False) == robot.uplink.observations_skipped > 0
 
 
@@ -103,7 +103,7 @@ def test_a_link_that_is_gone_does_no_harm(robot: Robot, rng: np.random.Generator
     robot.station.close()
     robot.tick()
     robot.uplink.greet(0.0)
-    assert not robot.uplink.observe(samples.observation(rng))
+    assert not robot.uplink.observe(samples.observation(rng), 0.0)
 
 
 def test_another_station_is_noticed_and_the_same_one_is_not(robot: Robot) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -14,11 +15,13 @@ from shared.messages import (
     GoTo,
     Heartbeat,
     Hello,
+    KeyframeWanted,
     Message,
     MissionState,
     NumberedCommand,
     ObjectNetwork,
     Observation,
+    Pulse,
     Refusal,
     ScanGeometry,
     Start,
@@ -60,6 +63,12 @@ def telemetry(**changes: object) -> Telemetry:
     return Telemetry(**(values | changes))  # type: ignore[arg-type]
 
 
+def pulse(**changes: object) -> Pulse:
+    t = telemetry(**changes)
+    names = [f.name for f in dataclasses.fields(Pulse)]
+    return Pulse(**{name: getattr(t, name) for name in names})
+
+
 def every_message(rng: np.random.Generator) -> list[Message]:
     path = rng.uniform(-40, 40, (30, 3)).astype(np.float32)
     commands = (Start(), Stop(), EmergencyStop(), GoTo(3, path), Drive(-0.1, 0.4), Heartbeat())
@@ -71,5 +80,7 @@ def every_message(rng: np.random.Generator) -> list[Message]:
         Hello("車 one", "0.1.0", corners, 0.476),
         Ack(9, False, "go to is possible once the observation has finished"),
         Refusal("another station is connected"),
+        pulse(battery_v=6.6, cpu_temperature_c=51.0),
+        KeyframeWanted(),
     ]
     return reports + [NumberedCommand(4_000_000_000 + i, c) for i, c in enumerate(commands)]

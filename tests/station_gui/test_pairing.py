@@ -8,16 +8,22 @@ from pathlib import Path
 import pytest
 
 from shared.link.base import LinkError
-from shared.link.pairing import read_pairing
+from shared.link.pairing import read_pairing, write_new_pairing
+from shared.link.radio_config import RadioConfig
 from shared.link.tcp import TcpServerLink
 from shared.runtime.clock import ManualClock
-from station_gui.build import _connect_tcp
-from tools.radio_config.key import write_new_pairing
+from station_gui.comms.connect import Connector
+from station_gui.comms.target import Target
 
 
 def test_a_missing_pairing_file_is_named_when_connecting(tmp_path: Path) -> None:
     with pytest.raises(LinkError, match="radio-config key new"):
-        _connect_tcp("127.0.0.1", 1, 0.1, str(tmp_path / "pairing.pem"))
+        Connector(ManualClock(), 0.1, str(tmp_path / "pairing.pem"), RadioConfig())(Target("127.0.0.1", 1))
+
+
+def test_lora_without_a_pairing_file_is_refused_with_what_to_do() -> None:
+    with pytest.raises(LinkError, match=r"radio-config key new.*station\.toml"):
+        Connector(ManualClock(), 0.1, "", RadioConfig())(Target(radio_ports=("/dev/ttyACM0:A",)))
 
 
 def test_with_the_robots_file_it_is_let_in(tmp_path: Path) -> None:
@@ -32,7 +38,7 @@ def test_with_the_robots_file_it_is_let_in(tmp_path: Path) -> None:
 
     thread = threading.Thread(target=serve)
     thread.start()
-    station = _connect_tcp("127.0.0.1", robot.port, 5.0, str(path))
+    station = Connector(ManualClock(), 5.0, str(path), RadioConfig())(Target("127.0.0.1", robot.port))
     assert station.connected
     station.close()
     stop.set()

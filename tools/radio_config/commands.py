@@ -12,10 +12,11 @@ from shared.command_line import EXIT_FAILED, EXIT_OK, Refused
 from shared.link.es920lr.airtime import MAX_PAYLOAD_BYTES
 from shared.link.es920lr.band import BandRule
 from shared.link.es920lr.settings import RadioSettings, differences
+from shared.link.serial_port import list_serial_ports
 from shared.runtime.clock import MonotonicClock
 from tools.radio_config import changes, plan
 from tools.radio_config.measure import Estimate, estimate
-from tools.radio_config.session import Bench, Module, list_serial_ports, say
+from tools.radio_config.session import Bench, Module, say
 
 Work = Callable[[argparse.Namespace], int]
 

@@ -8,8 +8,6 @@ import sys
 from collections.abc import Callable, Iterator
 from typing import TypeVar
 
-from serial.tools import list_ports
-
 from shared.command_line import Refused
 from shared.link.base import LinkError
 from shared.link.byte_port import BytePort
@@ -33,22 +31,6 @@ from shared.runtime.clock import Clock
 
 T = TypeVar("T")
 _RADIOS = {"A": 0, "B": 1}
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class PortInfo:
-    path: str
-    description: str
-    serial_number: str
-
-
-def list_serial_ports() -> list[PortInfo]:
-    """The ports of this computer at which something is plugged in."""
-    found = (
-        PortInfo(p.device, p.description if p.description != "n/a" else "", p.serial_number or "")
-        for p in list_ports.comports()
-    )
-    return sorted((p for p in found if p.description or p.serial_number), key=lambda p: p.path)
 
 
 class Module:

@@ -53,6 +53,7 @@ class Failover:
         clock: Clock,
         random_bytes: RandomBytes,
         config: FailoverConfig | None = None,
+        when_closed: Callable[[], None] = lambda: None,
     ) -> None:
         """`connect` does not wait: None while there is nothing yet; it may raise `LinkError`."""
         self.statistics = FailoverStatistics()
@@ -60,6 +61,7 @@ class Failover:
         self.resets = 0
         self.events: deque[PathChanged] = deque(maxlen=_MOST_EVENTS)
         self._connect = connect
+        self._when_closed = when_closed
         self._radio = radio
         self._clock = clock
         self._config = config or FailoverConfig()
@@ -147,6 +149,7 @@ class Failover:
             self._stop.set()
             self._drop_wifi()
             self._radio.close()
+            self._when_closed()
 
     def step(self) -> None:
         """Take what has come, send what is due."""

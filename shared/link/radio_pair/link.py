@@ -6,7 +6,7 @@ import logging
 import secrets
 import threading
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from shared.link.base import (
@@ -64,6 +64,7 @@ class RadioPair:
         clock: Clock,
         config: PairConfig,
         threads: bool,
+        when_closed: Callable[[], None],
     ) -> None:
         self.events: deque[PathChanged] = deque(maxlen=1)  # there are none
         self._clock = clock
@@ -75,6 +76,7 @@ class RadioPair:
         self._heard_s = float("-inf")
         self._was_connected = False
         self._closed = False
+        self._when_closed = when_closed
         self._stop = threading.Event()
         self._acknowledged: deque[tuple[float, int]] = deque()
         self.statistics = RadioPairStatistics(
@@ -120,7 +122,7 @@ class RadioPair:
     def health(self) -> LinkHealth:
         return LinkHealth(
             lora=self.connected,
-            radios=tuple(RadioHealth(p.operating, p.rssi_dbm) for p in self._pumps),
+            radios=tuple(RadioHealth(p.operating, p.rssi_dbm, p.fault) for p in self._pumps),
             goodput_bps=self.goodput_bps,
             is_secret=True,
         )
@@ -203,6 +205,7 @@ class RadioPair:
             self._changed.notify_all()
         for pump in self._pumps:
             pump.close()
+        self._when_closed()
 
     def _run(self, pump: Pump) -> None:
         while not self._stop.is_set():
@@ -249,15 +252,15 @@ def robot_radios(
     config: PairConfig | None = None,
     random_bytes: RandomBytes = secrets.token_bytes,
     threads: bool = True,
+    when_closed: Callable[[], None] = lambda: None,
 ) -> RadioPair:
-    """The robot's side of one or two radios. `settings`: bandwidth, spreading factor and baud rate, the same for all.
-
-    Raises `LinkError` when a port cannot be opened.
+    """The robot's side of one or two radios. `settings`: bandwidth, spreading factor and baud rate, the same for all;
+    `when_closed` is called at the end.
     """
     config, clock = config or PairConfig(), clock or MonotonicClock()
     conversation = _conversation(Caller(key, random_bytes), config)
     turns = AskingTurns(conversation, timing_of(settings), config, len(open_radios))
-    return RadioPair(open_radios, conversation, turns, clock, config, threads)
+    return RadioPair(open_radios, conversation, turns, clock, config, threads, when_closed)
 
 
 def station_radios(
@@ -268,12 +271,13 @@ def station_radios(
     config: PairConfig | None = None,
     random_bytes: RandomBytes = secrets.token_bytes,
     threads: bool = True,
+    when_closed: Callable[[], None] = lambda: None,
 ) -> RadioPair:
-    """The station's side; its radios in any order. Raises `LinkError` when a port cannot be opened."""
+    """The station's side; its radios in any order."""
     config, clock = config or PairConfig(), clock or MonotonicClock()
     conversation = _conversation(Answerer(key, random_bytes), config)
     turns = AnsweringTurns(conversation, timing_of(settings), config, len(open_radios))
-    return RadioPair(open_radios, conversation, turns, clock, config, threads)
+    return RadioPair(open_radios, conversation, turns, clock, config, threads, when_closed)
 
 
 def _conversation(greeter: Caller | Answerer, config: PairConfig) -> Conversation:

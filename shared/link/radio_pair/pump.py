@@ -34,7 +34,7 @@ class Pump:
         changed: Condition,
         heard_good: Callable[[], None],
     ) -> None:
-        """`open_radio` is called again when the radio's port is lost. Raises `LinkError` when it cannot be opened."""
+        """`open_radio` is called by `step`, and again when the radio's port is lost or could not be opened."""
         self.rssi_dbm = math.nan  # smoothed, of the other side's packets
         self.heard = 0
         self._radio = radio
@@ -43,18 +43,21 @@ class Pump:
         self._clock = clock
         self._changed = changed
         self._heard_good = heard_good
-        self._driver: Es920lr | None = open_radio()
-        self._reopen_s = 0.0
+        self._driver: Es920lr | None = None
+        self._reopen_s = -math.inf
         self._fault = ""
         self._on_the_way: dict[int, Packet] = {}  # at most two, as the driver takes no more
         self._held: Packet | None = None  # the band does not allow it yet
-        if self._driver.operating:
-            self._turns.set_up(radio, True, clock.now_s())
 
     @property
     def driver(self) -> Es920lr | None:
         """None while its port is lost."""
         return self._driver
+
+    @property
+    def fault(self) -> str:
+        """Why its port is not open; empty when it is."""
+        return self._fault
 
     @property
     def operating(self) -> bool:
@@ -149,6 +152,10 @@ class Pump:
         except LinkError as error:
             self._lose(error)
             return None
+        if self._fault:
+            _log.info("radio %d: its port is there again", self._radio)
         self._fault = ""
-        _log.info("radio %d: its port is there again", self._radio)
+        if self._driver.operating:
+            with self._changed:
+                self._turns.set_up(self._radio, True, now_s)
         return self._driver

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shared.messages import Observation
-from shared.protocol.compact.encoder import HEAD_BYTES, KEYFRAME, NUMBERS, WINDOW, check_of
+from shared.protocol.compact.encoder import CHECK_BYTES, KEYFRAME, NUMBERS, WINDOW, check_of
 from shared.protocol.compact.model import Coding
 from shared.protocol.compact.state import State, Unfit
 from shared.protocol.compact.walk import code_observation
@@ -33,8 +33,10 @@ class CompactCounts:
 class Decoder:
     """One session's receiving side."""
 
-    def __init__(self) -> None:
+    def __init__(self, check_bytes: int = CHECK_BYTES) -> None:
+        """`check_bytes`: as the encoder has it."""
         self.counts = CompactCounts()
+        self._head_bytes = 1 + check_bytes
         self._states: OrderedDict[int, State] = OrderedDict()
         self._newest: int | None = None
         self._lost = False
@@ -42,7 +44,8 @@ class Decoder:
 
     def decode(self, datagram: bytes) -> Observation | None:
         """The observation, or None. Never raises."""
-        if not HEAD_BYTES <= len(datagram) <= _LONGEST_BYTES or self._head_is_none(datagram[0]):
+        head_bytes = self._head_bytes
+        if not head_bytes <= len(datagram) <= _LONGEST_BYTES or self._head_is_none(datagram[0]):
             self.counts.damaged += 1
             return None
         base = self._base(datagram[0])
@@ -51,18 +54,23 @@ class Decoder:
             self._lost = True
             return None
         state = base.copy()
-        payload = np.frombuffer(datagram, np.uint8)[HEAD_BYTES:].copy()
+        payload = np.frombuffer(datagram, np.uint8)[head_bytes:].copy()
         coding = Coding(state.model, payload, len(payload), reading=True)
         try:
             observation, level, _ = code_observation(coding, state, None)
         except Unfit:
             self._drop_damaged()
             return None
-        check = int.from_bytes(datagram[1:HEAD_BYTES], "little")
-        if not coding.has_ended() or check != check_of(datagram[:1] + datagram[HEAD_BYTES:], state):
+        check = check_of(datagram[:1] + datagram[head_bytes:], state, head_bytes - 1)
+        if not coding.has_ended() or check != datagram[1:head_bytes]:
             self._drop_damaged()
             return None
         return self._accept(datagram[0], state, observation, level)
+
+    @property
+    def wants_keyframe(self) -> bool:
+        """Nothing that is not one can be understood."""
+        return self._newest is None or self._lost
 
     def feedback(self) -> bytes:
         """Three bytes for `Encoder.acknowledge`: the newest state that is here, or that a keyframe is wanted."""

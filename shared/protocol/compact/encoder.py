@@ -1,8 +1,9 @@
 """Observations to datagrams, predicted from what the other side is known to have.
 
 A datagram is a byte (bit 7: keyframe; bits 6 to 3: its number modulo 16; bits 2 to 0: how many numbers back lies the
-state that it is predicted from, less one), 24 bits of check over the bytes and over the state that comes of them, and
-the coded values, without zeros at their end.
+state that it is predicted from, less one), a check over the bytes and over the state that comes of them, and the coded
+values, without zeros at their end. The check has 24 bits; 8 where the link lets in nobody else's bytes and no damage,
+and it has to tell only that the two sides have come to differ.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from shared.protocol.compact.walk import Sizes, code_observation
 
 IntArray = NDArray[np.int64]
 
-HEAD_BYTES = 4
+CHECK_BYTES = 3
 NUMBERS = 16
 WINDOW = 8  # states that are kept on either side
 KEYFRAME = 0x80
@@ -70,9 +71,9 @@ DETAILS = (
 )
 
 
-def check_of(payload: bytes, state: State) -> int:
+def check_of(payload: bytes, state: State, check_bytes: int) -> bytes:
     """Of the bytes and of what came of them."""
-    return zlib.crc32(state.digest.to_bytes(4, "little"), zlib.crc32(payload)) & 0xFFFFFF
+    return zlib.crc32(state.digest.to_bytes(4, "little"), zlib.crc32(payload)).to_bytes(4, "little")[:check_bytes]
 
 
 @dataclass(slots=True, eq=False)
@@ -169,9 +170,12 @@ class Encoder:
     from the one before. Without it each is predicted from the newest that `acknowledge` has heard of.
     """
 
-    def __init__(self, in_order: bool = False, initial: Callable[[], State] = State.initial) -> None:
-        """`initial`: what both sides know before a keyframe."""
+    def __init__(
+        self, in_order: bool = False, initial: Callable[[], State] = State.initial, check_bytes: int = CHECK_BYTES
+    ) -> None:
+        """`initial`: what both sides know before a keyframe. `check_bytes`: as the decoder has it."""
         self._in_order = in_order
+        self._check_bytes = check_bytes
         self._initial = initial
         self._number = 0
         self._sent: OrderedDict[int, State] = OrderedDict()
@@ -227,7 +231,7 @@ class Encoder:
             raise ValueError(str(error)) from error
         payload = coding.finish()
         head = KEYFRAME | self._number << 3 if base is None else self._number << 3 | self._distance()
-        check = check_of(bytes((head,)) + payload, state).to_bytes(HEAD_BYTES - 1, "little")
+        check = check_of(bytes((head,)) + payload, state, self._check_bytes)
         datagram = bytes((head,)) + check + payload
         return Encoded(datagram, self._number, base is None, sending.level, sizes), state
 

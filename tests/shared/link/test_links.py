@@ -13,11 +13,10 @@ import pytest
 from shared.link.base import Lane, Link, LinkError, LinkHealth, LinkPath
 from shared.link.failover.link import Failover
 from shared.link.loopback import loopback_pair
-from shared.link.pairing import read_pairing
+from shared.link.pairing import read_pairing, write_new_pairing
 from shared.link.radio_pair.link import RadioPair
 from shared.link.tcp import TcpClientLink, TcpServerLink
 from shared.runtime.clock import ManualClock
-from tools.radio_config.key import write_new_pairing
 from tools.simulator.radio.failover_rig import FailoverRig
 from tools.simulator.radio.pair_rig import PairRig
 

@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 
 from shared.link.base import LinkError
-from shared.link.pairing import Pairing, read_pairing
+from shared.link.pairing import Pairing, read_pairing, write_new_pairing
 from shared.link.tcp import TcpClientLink, TcpServerLink
 from shared.link.tls import TlsStream
 from shared.protocol.frame import pack
 from shared.runtime.clock import ManualClock
-from tools.radio_config.key import write_new_pairing
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shared.messages import Observation, Telemetry
+from shared.messages import GoTo, NumberedCommand, Observation, Telemetry
 from shared.protocol import wire
 from shared.protocol.codec import Decoder, encode
 from tests.shared import samples
@@ -23,7 +23,7 @@ def flat(value: object) -> list[object]:
     return [value]
 
 
-@pytest.mark.parametrize("index", range(12))
+@pytest.mark.parametrize("index", range(14))
 def test_every_message_comes_back_as_it_was_sent(index: int, rng: np.random.Generator) -> None:
     message = samples.every_message(rng)[index]
     decoded = Decoder().decode(encode(message))
@@ -38,6 +38,26 @@ def test_every_message_comes_back_as_it_was_sent(index: int, rng: np.random.Gene
 def test_the_sample_covers_every_type_of_the_table(rng: np.random.Generator) -> None:
     seen = {encode(m)[1] for m in samples.every_message(rng)}
     assert seen == set(wire.REPORTS) | set(wire.COMMANDS)
+
+
+def test_a_path_for_lora_takes_a_quarter_and_is_off_by_millimetres(rng: np.random.Generator) -> None:
+    turn = np.linspace(0.0, 1.5, 30)
+    path = np.stack((3.0 + np.sin(turn), -1.0 - np.cos(turn), turn), axis=1).astype(np.float32)
+    message = NumberedCommand(7, GoTo(3, path))
+    brief = encode(message, brief=True)
+    assert len(brief) < 0.35 * len(encode(message))
+    decoded = Decoder().decode(brief)
+    assert isinstance(decoded, NumberedCommand)
+    assert isinstance(decoded.command, GoTo)
+    np.testing.assert_allclose(decoded.command.path, path, atol=0.0026)
+
+
+def test_a_pulse_fits_into_one_short_item_of_lora_with_all_heads() -> None:
+    assert len(encode(samples.pulse())) <= 29
+
+
+def test_every_version_is_told_from_what_observations_begin_with() -> None:
+    assert 0 < wire.VERSION < 7
 
 
 def test_ranges_keep_a_millimetre_and_their_gaps(rng: np.random.Generator) -> None:

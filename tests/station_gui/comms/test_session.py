@@ -23,6 +23,7 @@ from shared.messages import (
     Telemetry,
 )
 from shared.protocol.codec import Decoder, encode
+from shared.protocol.observations import Received
 from shared.runtime.clock import ManualClock
 from station_gui.comms.session import Session, SessionConfig
 from station_gui.comms.state import LinkState, Severity
@@ -35,8 +36,8 @@ class Heard:
     datagrams: list[bytes] = dataclasses.field(default_factory=list)
     events: list[str] = dataclasses.field(default_factory=list)
 
-    def on_datagram(self, datagram: bytes) -> None:
-        self.datagrams.append(datagram)
+    def on_datagram(self, received: Received, size: int) -> None:
+        self.datagrams.append(received.datagram)
 
     def on_report(self, report: Report) -> None:
         self.reports.append(report)

@@ -19,6 +19,7 @@ from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
 from shared.geometry.se2 import Pose2
+from shared.link.base import LinkPath
 from shared.messages import (
     Hello,
     MissionState,
@@ -29,7 +30,7 @@ from shared.messages import (
     Telemetry,
 )
 from station_gui.mapping.snapshot import GridMap, MapSnapshot, ObjectKind, ObjectMap
-from station_gui.model.view import LinkFigures, LinkState, LogEntry, OperatorView, Severity
+from station_gui.model.view import LinkFigures, LinkState, LogEntry, OperatorView, Severity, Target
 from station_gui.qt.application import prepare_opengl
 from station_gui.qt.theme import apply_theme
 from station_gui.views.config import WindowConfig
@@ -76,8 +77,11 @@ class FakeOperator:
     def log_since(self, index: int) -> list[LogEntry]:
         return self.entries[index:]
 
-    def connect(self, host: str, port: int) -> None:
-        self.calls.append(("connect", host, port))
+    def connect(self, host: str, port: int, radio_ports: tuple[str, ...] = ()) -> None:
+        self.calls.append(("connect", host, port, radio_ports))
+
+    def serial_ports(self) -> list[str]:
+        return ["/dev/ttyACM0", "/dev/ttyUSB0"]
 
     def disconnect(self) -> None:
         self.calls.append(("disconnect",))
@@ -225,7 +229,7 @@ NO_FIGURES = LinkFigures(math.nan, math.nan, math.nan, math.nan, math.nan)
 
 def disconnected_view() -> OperatorView:
     return OperatorView(
-        0.0, LinkState.DISCONNECTED, "", NO_FIGURES, None, None, math.inf, None, None, None, None, "", 0
+        0.0, LinkState.DISCONNECTED, Target(), NO_FIGURES, None, None, math.inf, None, None, None, None, "", 0
     )
 
 
@@ -234,8 +238,8 @@ def connected_view(state: MissionState = MissionState.COMMAND, snapshot: MapSnap
     return OperatorView(
         time_s=500.0,
         link_state=LinkState.CONNECTED,
-        address="192.168.4.1:7400",
-        link=LinkFigures(9.8, 9.7, 812.0, 71_300.0, 0.012),
+        target=Target("192.168.4.1", 7400),
+        link=LinkFigures(9.8, 9.7, 812.0, 71_300.0, 0.012, LinkPath.WIFI),
         robot=Hello("mapper-1", "0.1.0", FOOTPRINT_M, 0.61),
         telemetry=telemetry(state),
         telemetry_age_s=0.08,

@@ -9,8 +9,9 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QImage
 
+from shared.link.base import LinkHealth, LinkPath, RadioHealth
 from shared.messages import MissionState, StopReason
-from station_gui.model.view import LinkState, Severity
+from station_gui.model.view import LinkFigures, LinkState, Severity, Target
 from station_gui.views.main_window import status_text
 
 
@@ -23,7 +24,7 @@ def test_connect_takes_host_and_port(open_window, operator, qtbot):
     window.connection.host.setText(" robot.local ")
     window.connection.port.setText("7401")
     press(qtbot, window.connection.button)
-    assert operator.calls == [("connect", "robot.local", 7401)]
+    assert operator.calls == [("connect", "robot.local", 7401, ())]
 
 
 def test_connect_is_not_possible_without_a_whole_address(open_window):
@@ -38,7 +39,7 @@ def test_connect_is_not_possible_without_a_whole_address(open_window):
 def test_return_in_the_host_field_connects(open_window, operator, qtbot):
     window = open_window(host="127.0.0.1", port=7400)
     qtbot.keyClick(window.connection.host, Qt.Key.Key_Return)
-    assert operator.calls == [("connect", "127.0.0.1", 7400)]
+    assert operator.calls == [("connect", "127.0.0.1", 7400, ())]
 
 
 def test_the_same_button_disconnects(open_window, operator, scenes, qtbot):
@@ -163,7 +164,49 @@ def test_link_figures_have_units(open_window, operator, scenes):
         "Observation size": "812 B",
         "Received": "71.3 kbit/s",
         "Round trip": "12 ms",
+        "Path": "Wi-Fi, open",
+        "LoRa carries": "–",
+        "Signal": "–",
     }
+
+
+def over_lora(wifi: bool | None) -> LinkFigures:
+    radios = (RadioHealth(True, -71.4), RadioHealth(False, math.nan, "the port is gone"))
+    health = LinkHealth(wifi, True, radios, 3_210.0, is_secret=True)
+    return LinkFigures(8.1, 8.0, 34.0, 2_900.0, 0.31, LinkPath.RADIO, health)
+
+
+def test_the_path_in_use_is_shown_with_its_radios(open_window, operator, scenes):
+    operator.current = scenes.connected_view()
+    window = open_window()
+    panel = window.connection
+    assert not panel.figures["Signal"].isVisible()
+    operator.change(
+        link=over_lora(wifi=False), target=Target("192.168.4.1", 7400, ("/dev/ttyACM0:A", "/dev/ttyACM0:B"))
+    )
+    window.refresh()
+    assert panel.use == "both"
+    assert panel.radio.text() == "/dev/ttyACM0:A /dev/ttyACM0:B"
+    shown = {name: panel.figures[name].text() for name in ("Path", "LoRa carries", "Signal")}
+    assert shown == {"Path": "LoRa, no Wi-Fi", "LoRa carries": "3.2 kbit/s", "Signal": "−71 / off dBm"}
+    assert panel.figures["Path"].property("tone") == "warning"
+
+
+def test_lora_is_asked_for_with_its_ports_alone_or_beside_wifi(qtbot, open_window, operator):
+    panel = open_window(port=7400).connection
+    press(qtbot, panel.uses["radio"])
+    assert not panel.host.isVisible()
+    assert not panel.button.isEnabled(), "no port is named"
+    next(a for a in panel.port_menu().actions() if "transceiver" in a.text()).trigger()
+    press(qtbot, panel.button)
+    press(qtbot, panel.uses["both"])
+    press(qtbot, panel.button)
+    ports = ("/dev/ttyACM0:A", "/dev/ttyACM0:B")
+    assert operator.calls == [("connect", "", 0, ports), ("connect", "127.0.0.1", 7400, ports)]
+    for action in panel.port_menu().actions():
+        if "module" in action.text():
+            action.trigger()
+    assert panel.radio.text() == "/dev/ttyACM0 /dev/ttyUSB0"
 
 
 def test_the_lamp_is_red_when_the_link_is_lost(open_window, operator, scenes):

@@ -1,0 +1,54 @@
+"""Makes the link that the operator asked for."""
+
+from __future__ import annotations
+
+import secrets
+from dataclasses import replace
+from pathlib import Path
+
+from shared.link.base import Link, LinkError
+from shared.link.failover.link import Failover
+from shared.link.failover.wifi_ends import Dialler
+from shared.link.pairing import Pairing, read_pairing
+from shared.link.radio_config import RadioConfig
+from shared.link.radios import open_pair
+from shared.link.tcp import TcpClientLink
+from shared.runtime.clock import Clock
+from station_gui.comms.target import Target
+
+
+class Connector:
+    """`pairing_file`: empty where anybody's robot is spoken with; LoRa needs one."""
+
+    def __init__(self, clock: Clock, timeout_s: float, pairing_file: str, radio: RadioConfig) -> None:
+        self._clock = clock
+        self._timeout_s = timeout_s
+        self._pairing_file = pairing_file
+        self._radio = radio
+
+    def __call__(self, target: Target) -> Link:
+        """Raises `LinkError`."""
+        pairing = self._pairing(needed=bool(target.radio_ports))
+        if not target.radio_ports:
+            return TcpClientLink(target.host, target.port, self._timeout_s, pairing)
+        assert pairing is not None
+        try:
+            config = replace(self._radio, ports=target.radio_ports)
+        except ValueError as error:
+            raise LinkError(f"radio: {error}") from error
+        has_wifi = bool(target.host)
+        pair = open_pair(config, pairing, self._clock, is_robot=False, has_wifi=has_wifi)
+        if not has_wifi:
+            return pair
+        dialler = Dialler(lambda: TcpClientLink(target.host, target.port, self._timeout_s, pairing))
+        return Failover(dialler, pair, self._clock, secrets.token_bytes, when_closed=dialler.close)
+
+    def _pairing(self, needed: bool) -> Pairing | None:
+        if self._pairing_file:
+            return read_pairing(Path(self._pairing_file).expanduser())
+        if needed:
+            raise LinkError(
+                "LoRa needs a pairing file: make one with `radio-config key new`, copy it to the robot, and name it in "
+                "pairing of station.toml"
+            )
+        return None
