@@ -29,16 +29,18 @@ sed -i '/^127\.0\.1\.1/d' /etc/hosts
 echo "127.0.1.1 $HOST" >>/etc/hosts
 [ ! -e "/usr/share/zoneinfo/$TIME_ZONE" ] || ln -sf "/usr/share/zoneinfo/$TIME_ZONE" /etc/localtime
 systemctl disable userconfig.service 2>/dev/null # the question for a user name at the screen
-id "$LOGIN" >/dev/null 2>&1 || useradd --create-home --shell /bin/bash "$LOGIN" || failed "user $LOGIN cannot be made"
+same_group=$(getent group "$LOGIN" >/dev/null && echo "--gid $LOGIN")
+id "$LOGIN" >/dev/null 2>&1 || useradd --create-home --shell /bin/bash $same_group "$LOGIN" || failed "user $LOGIN cannot be made"
 for group in sudo dialout gpio i2c video plugdev; do
     ! getent group "$group" >/dev/null || usermod --append --groups "$group" "$LOGIN"
 done
 if [ -n "$SSH_KEY" ]; then
     home=$(getent passwd "$LOGIN" | cut -d: -f6)
-    install -d -m 0700 -o "$LOGIN" -g "$LOGIN" "$home/.ssh"
+    install -d -m 0700 -o "$LOGIN" "$home/.ssh"
     printf '%s\n' "$SSH_KEY" >"$home/.ssh/authorized_keys"
-    chown "$LOGIN:$LOGIN" "$home/.ssh/authorized_keys"
+    chown "$LOGIN" "$home/.ssh/authorized_keys"
     chmod 0600 "$home/.ssh/authorized_keys"
+    mkdir -p /etc/sudoers.d
     printf '%s ALL=(ALL) NOPASSWD: ALL\n' "$LOGIN" >/etc/sudoers.d/robot-operator
     chmod 0440 /etc/sudoers.d/robot-operator
     mkdir -p /etc/ssh/sshd_config.d
