@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 from shared.geometry.se2 import Pose2
 from shared.messages import Observation
 from shared.runtime.clock import stopwatch_s
-from station_gui.mapping.objects.combine import CombineConfig, ObjectCombiner
+from station_gui.mapping.objects.combine import ObjectCombiner
+from station_gui.mapping.objects.config import CombineConfig
 from station_gui.mapping.saved_map import SavedMap
 from station_gui.mapping.scan import to_points
 from station_gui.mapping.slam2d.base import MappingError, SessionSlam
@@ -154,7 +155,7 @@ class MappingPipeline:
         self._boot_id, self._sequence = observation.boot_id, observation.sequence
         self._slam_s = stopwatch_s() - began_s
         if observation.has_objects and self.tracking in KNOWN_PLACE:
-            self._combiner.add(self._observations, self._map_from_robot, observation.objects)
+            self._combiner.add(self._observations, self._map_from_robot, observation, self._slam)
         self._observations += 1
         self._stamp_s = observation.stamp_s
         self._odom_from_robot = observation.odom_from_robot
@@ -164,20 +165,22 @@ class MappingPipeline:
     def finish(self) -> None:
         """No more observations come."""
         self._slam.finish()
+        self._combiner.finish(self._slam)
         if self._observations:
             self._map_from_robot = self._slam.pose_of_scan(self._observations - 1)
 
     def snapshot(self) -> MapSnapshot:
         """The map as it is believed now."""
+        grid = self._slam.grid()
         began_s = stopwatch_s()
-        objects = self._combiner.object_map(self._slam)
+        objects = self._combiner.object_map(self._slam, grid)
         combine_s = stopwatch_s() - began_s
         return MapSnapshot(
             revision=self._revision,
             stamp_s=self._stamp_s,
             map_from_robot=self._map_from_robot,
             map_from_odom=self._map_from_robot @ self._odom_from_robot.inverse(),
-            grid=self._slam.grid(),
+            grid=grid,
             objects=objects,
             trajectory=self._slam.trajectory(),
             closures=self._slam.closures(),

@@ -68,6 +68,9 @@ class ObjectMap:
     panels: Panels = field(default_factory=Panels)
 
 
+NO_OBJECTS = ObjectMap(np.zeros((0, 2, 3), np.float32), np.zeros(0, np.uint8), np.zeros(0, np.int32))
+
+
 class Tracking(IntEnum):
     """Whether the robot's place in the map is known."""
 

@@ -1,117 +1,82 @@
-"""2D–3D combination, step 1 (paper 1, section 3.3): objects are placed by the pose graph.
+"""2D–3D combination (paper 1, section 3.3): objects that the robot saw become one map, corrected against the 2D map.
 
-The networks of a few observations per place are kept as they came; when the pose graph moves, all are placed again.
+What is seen enters the fused edges at once, placed by the pose graph (step 1). Steps 2 to 5 are a function of these
+edges and of the occupancy grid, so that a map does not depend on how often somebody looked at it.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from shared.geometry.se2 import Pose2, wrap_angle
-from shared.messages import ObjectNetwork
+from shared.messages import Observation
+from station_gui.mapping.objects.config import CombineConfig
+from station_gui.mapping.objects.dbscan.dbscan import nearest_clusters
+from station_gui.mapping.objects.fusing.fused_edges import Edges, FusedEdges
+from station_gui.mapping.objects.networks import Networks
+from station_gui.mapping.objects.pieces import pieces_of
+from station_gui.mapping.objects.ransac.ransac import LineFitter
+from station_gui.mapping.objects.reference import aligned, first_clusters, joined_owners
+from station_gui.mapping.objects.surfaces import ObjectBuilder
 from station_gui.mapping.slam2d.base import Slam
-from station_gui.mapping.snapshot import ObjectKind, ObjectMap
-
-
-@dataclass(frozen=True, slots=True)
-class CombineConfig:
-    keep_every_m: float = 0.10  # a network is kept when the robot has moved so far …
-    keep_every_rad: float = 0.17  # … or turned so much since the last one kept
-    large_extent_m: float = 1.0  # from here on an object counts as a wall or a large object …
-    large_height_m: float = 0.7  # … or from this height on
-    max_networks: int = 4000  # the oldest give way
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Kept:
-    """One network as the robot saw it: `segments_m` (E, 2, 3) in the robot's frame."""
-
-    scan: int  # index in the SLAM's order
-    segments_m: NDArray[np.float64]
-    kind: NDArray[np.uint8]
-    cluster: NDArray[np.int32]
-    clusters: int
+from station_gui.mapping.snapshot import GridMap, ObjectMap
 
 
 class ObjectCombiner:
-    """Keeps networks and places them; one thread."""
+    """One thread; a function of the observations and of the poses and grids that belong to them."""
 
     def __init__(self, config: CombineConfig) -> None:
         self._config = config
-        self._kept: list[_Kept] = []
-        self._placed: list[NDArray[np.float32]] = []
-        self._placed_revision = 0
-        self._last_pose: Pose2 | None = None
-        self._map = _EMPTY
-        self._changed = False
+        self._fitter = LineFitter(config.reference, np.random.default_rng(config.seed))
+        self._builder = ObjectBuilder(config.surface, self._fitter)
+        self._edges = FusedEdges(config.fusion, config.camera)
+        self._networks = Networks(config.most_networks, config.surface)
+        self._last: tuple[Pose2, float] | None = None
 
-    def add(self, scan: int, map_from_robot: Pose2, objects: ObjectNetwork) -> None:
-        """Take the network that was seen with the scan of this index, unless the robot has hardly moved."""
-        if len(objects.edges) == 0 or not self._has_moved(map_from_robot):
+    def add(self, scan: int, map_from_robot: Pose2, observation: Observation, slam: Slam) -> None:
+        """Step 1: place what was seen with the scan of this index (eqs 34 and 35), and go on placing what moved."""
+        self._edges.place_again(slam.revision, self._config.edges_at_once, slam.pose_of_scan)
+        moved, late = self._has_moved(map_from_robot, observation.stamp_s)
+        if not (moved or late):
             return
-        self._last_pose = map_from_robot
-        kept = _keep(scan, objects, self._config)
-        self._kept.append(kept)
-        self._placed.append(_place(kept, map_from_robot))
-        if len(self._kept) > self._config.max_networks:
-            del self._kept[0], self._placed[0]
-        self._changed = True
+        self._last = (map_from_robot, observation.stamp_s)
+        if 2 in self._config.steps:
+            pieces = pieces_of(observation.objects, self._config.fusion, self._config.camera)
+            self._edges.look(scan, map_from_robot, pieces, observation, keep=moved)
+        elif moved and len(observation.objects.edges):
+            self._networks.add(scan, observation.objects)
 
-    def object_map(self, slam: Slam) -> ObjectMap:
-        """All objects where the pose graph puts them now."""
-        if slam.revision != self._placed_revision:
-            self._placed_revision = slam.revision
-            self._placed = [_place(kept, slam.pose_of_scan(kept.scan)) for kept in self._kept]
-            self._changed = True
-        if self._changed and self._kept:
-            self._map = self._join()
-        self._changed = False
-        return self._map
+    def finish(self, slam: Slam) -> None:
+        """No more observations come: place all that has moved."""
+        self._edges.place_again(slam.revision, len(self._edges), slam.pose_of_scan)
 
-    def _has_moved(self, pose: Pose2) -> bool:
-        last = self._last_pose
-        if last is None or pose.distance_m(last) >= self._config.keep_every_m:
-            return True
-        return abs(wrap_angle(pose.theta_rad - last.theta_rad)) >= self._config.keep_every_rad
+    def object_map(self, slam: Slam, grid: GridMap) -> ObjectMap:
+        """The map of objects as it is believed now."""
+        if 2 not in self._config.steps:
+            return self._networks.placed(slam.pose_of_scan)
+        return self._combined(self._edges.shown(), grid)
 
-    def _join(self) -> ObjectMap:
-        first = np.cumsum([0] + [kept.clusters for kept in self._kept[:-1]])
-        return ObjectMap(
-            np.concatenate(self._placed),
-            np.concatenate([kept.kind for kept in self._kept]),
-            np.concatenate([kept.cluster + offset for kept, offset in zip(self._kept, first, strict=True)]).astype(
-                np.int32
-            ),
-        )
+    def _combined(self, edges: Edges, grid: GridMap) -> ObjectMap:
+        config, steps = self._config.reference, self._config.steps
+        lines_m = edges.from_above_m()
+        clusters = first_clusters(lines_m, edges.level_views(), config)  # step 2, eqs 36, 37, Algorithm 1
+        edges = edges.without_noise(clusters)
+        nodes_m = grid.occupied_m()
+        if 3 in steps:
+            owners = nearest_clusters(nodes_m, lines_m, clusters, config.node_reach_m)  # step 3, P > 0.750
+            reference_m = self._fitter.fit(nodes_m, owners, grid.cell_m)[0]  # eqs 38–40, Algorithm 2
+            if 4 in steps:
+                owners = joined_owners(nodes_m, reference_m, config)  # step 4
+                reference_m = self._fitter.fit(nodes_m, owners, grid.cell_m)[0]
+            if 5 in steps:
+                edges = aligned(edges, reference_m, config)  # step 5
+        return self._builder.build(edges, grid)  # figure 11, surfaces
 
-
-def _keep(scan: int, objects: ObjectNetwork, config: CombineConfig) -> _Kept:
-    nodes = objects.nodes_m.astype(np.float64)
-    edges = objects.edges.astype(np.int64)
-    ones = np.ones(len(edges))
-    adjacency = coo_matrix((ones, (edges[:, 0], edges[:, 1])), shape=(len(nodes), len(nodes)))
-    count, of_node = connected_components(adjacency, directed=False)
-    kind_of_cluster = np.array([_kind(nodes[of_node == c], config) for c in range(count)], np.uint8)
-    cluster = of_node[edges[:, 0]].astype(np.int32)
-    return _Kept(scan, nodes[edges], kind_of_cluster[cluster], cluster, int(count))
-
-
-def _kind(nodes_m: NDArray[np.float64], config: CombineConfig) -> ObjectKind:
-    extent = nodes_m.max(axis=0) - nodes_m.min(axis=0)
-    large = math.hypot(extent[0], extent[1]) >= config.large_extent_m or extent[2] >= config.large_height_m
-    return ObjectKind.LARGE if large else ObjectKind.SMALL
-
-
-def _place(kept: _Kept, map_from_robot: Pose2) -> NDArray[np.float32]:
-    """Rotate, then translate (eqs 34 and 35)."""
-    placed = map_from_robot.apply_3d(kept.segments_m.reshape(-1, 3)).astype(np.float32).reshape(-1, 2, 3)
-    return np.asarray(placed)
-
-
-_EMPTY = ObjectMap(np.zeros((0, 2, 3), np.float32), np.zeros(0, np.uint8), np.zeros(0, np.int32))
+    def _has_moved(self, pose: Pose2, stamp_s: float) -> tuple[bool, bool]:
+        """Whether this is another place than the last, and whether some time has gone by."""
+        if self._last is None:
+            return True, True
+        last, last_s = self._last
+        turned_rad = abs(wrap_angle(pose.theta_rad - last.theta_rad))
+        moved = pose.distance_m(last) >= self._config.keep_every_m or turned_rad >= self._config.keep_every_rad
+        return moved, stamp_s - last_s >= self._config.look_every_s

@@ -1,0 +1,1 @@
+"""Edges that were seen many times become one."""
