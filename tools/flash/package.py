@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import io
+import re
 import tarfile
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from robot_app.config import DEFAULT_PATH, load_config
 from tools.flash.settings import CardSettings
 from tools.flash.wheels import Say, fetch
 
@@ -20,6 +22,8 @@ _FIRST_START = (
     f"{_RUN} systemd.run_success_action=reboot systemd.run_failure_action=reboot "
     "systemd.unit=kernel-command-line.target"
 )
+_PAIRING = "/etc/robot-app/pairing.pem"
+_NO_PAIRING = re.compile(r'^pairing = ""', re.MULTILINE)
 _SECRET = frozenset({"pairing.pem", "settings.sh"})
 
 
@@ -44,11 +48,18 @@ def build(settings: CardSettings, wheels: Path | None, say: Say) -> Package:
         files |= {f"wheels/{path.name}": path.read_bytes() for path in sorted(into.glob("*.whl"))}
     files["requirements/robot.lock"] = ("\n".join(pinned) + "\n").encode()
     files["settings.sh"] = settings.as_shell().encode()
-    robot_toml = settings.robot_toml or PROJECT / "robot_app" / "robot.toml"
-    files["robot.toml"] = robot_toml.read_bytes()
+    files["robot.toml"] = configuration(settings).encode()
     if settings.pairing is not None:
         files["pairing.pem"] = settings.pairing.read_bytes()
     return Package(archive_of(files), (PROJECT / "tools" / "flash" / SCRIPT).read_bytes())
+
+
+def configuration(settings: CardSettings) -> str:
+    """The robot's configuration, which names the pairing file when there is one. Raises `ConfigError`."""
+    path = settings.robot_toml or DEFAULT_PATH
+    load_config(path)  # what the robot would refuse is refused here
+    text = path.read_text(encoding="utf-8")
+    return text if settings.pairing is None else _NO_PAIRING.sub(f'pairing = "{_PAIRING}"', text)
 
 
 def archive_of(files: dict[str, bytes]) -> bytes:

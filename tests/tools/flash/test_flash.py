@@ -13,10 +13,12 @@ from pathlib import Path
 
 import pytest
 
+from robot_app.config import load_config
 from shared.command_line import Refused
+from shared.config import ConfigError
 from tools.flash import __main__ as flash
 from tools.flash.fat import boot_partition
-from tools.flash.package import PROJECT, Package, archive_of, first_start
+from tools.flash.package import PROJECT, Package, archive_of, configuration, first_start
 from tools.flash.settings import CardSettings
 from tools.flash.wheels import read_lock
 
@@ -75,6 +77,17 @@ def test_a_shell_reads_the_settings_as_they_were_given() -> None:
     said = subprocess.run(["/bin/sh", "-c", script], capture_output=True, text=True, check=True)
     assert said.stdout == 'it\'s $HOME `x`|"quoted" pass|robot'
     assert shlex.split(settings.as_shell())
+
+
+def test_a_card_with_a_pairing_file_has_a_robot_that_asks_for_it(tmp_path: Path) -> None:
+    (tmp_path / "robot.toml").write_text(configuration(CardSettings(pairing=tmp_path / "key.pem")), encoding="utf-8")
+    assert load_config(tmp_path / "robot.toml").link.pairing == "/etc/robot-app/pairing.pem"
+
+
+def test_a_configuration_that_the_robot_would_refuse_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text("[car]\nwheels = 5\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"mine\.toml"):
+        configuration(CardSettings(robot_toml=tmp_path / "mine.toml"))
 
 
 @pytest.mark.parametrize(
