@@ -12,7 +12,7 @@ import logging
 import math
 import sys
 import tempfile
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
@@ -20,12 +20,14 @@ from typing import Any, NoReturn
 from tqdm import tqdm
 
 from robot_app.config import load_config as load_robot
-from shared.command_line import EXIT_FAILED, EXIT_OK, seed, whole_number_in
+from shared.command_line import EXIT_FAILED, EXIT_OK, Refused, number_in, seed, whole_number_in
+from station_gui.config import StationConfig
 from station_gui.config import load_config as load_station
+from tools.evaluate.mapping.pictures import draw_beside_truth, draw_overlay
 from tools.evaluate.mapping.repeat import repeatability
 from tools.evaluate.mapping.trial import Trial, is_recorded, map_again, simulate
 from tools.simulator.links import LINK_NAMES
-from tools.simulator.scenario import find_scenario
+from tools.simulator.scenario import Scenario, find_scenario
 
 tqdm.monitor_interval = 0  # its thread would outlive the bar
 
@@ -42,6 +44,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=seed, default=1, help="of the first; the next ones count on (default: 1)")
     parser.add_argument("--link", choices=LINK_NAMES, default="tcp", help="between robot and station (default: tcp)")
     parser.add_argument(
+        "--minutes", type=number_in(1.0, 120.0), metavar="M", help="drive on from goal to goal until so much has passed"
+    )
+    parser.add_argument(
+        "--steps",
+        type=step_list,
+        metavar="LIST",
+        help="of the 2D-3D combination, as in 1 or 1,2,3 (default: 1,2,3,4,5)",
+    )
+    parser.add_argument(
         "--recording",
         metavar="DIR",
         type=Path,
@@ -49,6 +60,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--robot", metavar="FILE", type=Path, help="robot.toml instead of the one that comes along")
     parser.add_argument("--station", metavar="FILE", type=Path, help="station.toml instead of the one that comes along")
+    parser.add_argument(
+        "--pictures", metavar="DIR", type=Path, help="write all maps over one another, and each beside the truth, here"
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
 
 
@@ -57,22 +71,28 @@ def run(args: argparse.Namespace) -> int:
     logging.getLogger("robot_app").setLevel(logging.ERROR)
     with tempfile.TemporaryDirectory() as passing:
         trials = _trials(args, args.recording if args.recording is not None else Path(passing))
-    report = _report(args, trials)
+    if args.pictures is not None:
+        _draw(trials, args.pictures)
+    report = {"scenario": args.scenario, "link": args.link, **over_trials(trials)}
+    print(_row("mean", report))
+    print(_row("worst", report["worst"]))
+    for key in ("repeatability_m", "only_in_one", "grid_repeatability_m"):
+        print(f"{key:24} {report[key]:.4f}")
     if args.json:
-        print(json.dumps(report))
+        print(json.dumps({key: _rounded(value) for key, value in report.items()}))
     return EXIT_OK if report["finished"] else EXIT_FAILED
 
 
 def _trials(args: argparse.Namespace, folder: Path) -> list[Trial]:
-    scenario, robot, station = find_scenario(args.scenario), load_robot(args.robot), load_station(args.station)
+    scenario, robot, station = find_scenario(args.scenario), load_robot(args.robot), _station(args)
     print(_header(), flush=True)
     trials: list[Trial] = []
     warm = False
     for number in range(args.seed, args.seed + args.trials):
-        place = folder / f"{scenario.name}-{args.link}-{number}"
+        place = folder / _name_of(args, scenario, number)
         if not is_recorded(place):
             with tqdm(desc=place.name, unit=" s simulated", disable=not sys.stderr.isatty(), leave=False) as bar:
-                simulate(scenario, args.link, number, robot, station, place, partial(_show, bar))
+                simulate(scenario, args.link, number, robot, station, place, partial(_show, bar), args.minutes)
         if not warm:
             map_again(place, station)  # loads the kernels, so that the first trial is timed like the others
             warm = True
@@ -81,8 +101,38 @@ def _trials(args: argparse.Namespace, folder: Path) -> list[Trial]:
     return trials
 
 
+def _draw(trials: list[Trial], folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    name = f"{trials[0].driven.scenario}-{trials[0].driven.link}"
+    draw_overlay(trials, folder / f"{name}-overlay.png", f"{name}: {len(trials)} trials")
+    for trial in trials:
+        draw_beside_truth(trial, folder / f"{name}-{trial.driven.seed}.png", f"{name}, trial {trial.driven.seed}")
+
+
 def _show(bar: tqdm[NoReturn], simulated_s: float) -> None:
     bar.update(round(simulated_s) - bar.n)
+
+
+def _station(args: argparse.Namespace) -> StationConfig:
+    station = load_station(args.station)
+    if args.steps is None:
+        return station
+    try:
+        return replace(station, combine=replace(station.combine, steps=args.steps))
+    except ValueError as error:
+        raise Refused(f"--steps {','.join(map(str, args.steps))}: {error}") from error
+
+
+def _name_of(args: argparse.Namespace, scenario: Scenario, number: int) -> str:
+    length = f"-{args.minutes:g}min" if args.minutes is not None else ""
+    return f"{scenario.name}-{args.link}{length}-{number}"
+
+
+def step_list(text: str) -> tuple[int, ...]:
+    parts = text.split(",")
+    if not all(part.isdecimal() and len(part) == 1 for part in parts):
+        raise argparse.ArgumentTypeError(f"{text!r} is no list of steps; write 1 or 1,2,3")
+    return tuple(int(part) for part in parts)
 
 
 def figures_of(trial: Trial) -> dict[str, Any]:
@@ -98,19 +148,14 @@ def figures_of(trial: Trial) -> dict[str, Any]:
     }
 
 
-def _report(args: argparse.Namespace, trials: list[Trial]) -> dict[str, Any]:
+def over_trials(trials: list[Trial]) -> dict[str, Any]:
+    """Means, the worst, what all maps together tell, and the figures of each trial."""
     runs = [figures_of(trial) for trial in trials]
-    alike = repeatability([t.objects.segments_m for t in trials], [t.occupied_m for t in trials])
-    numbers = [key for key, value in runs[0].items() if isinstance(value, (int, float)) and key != "seed"]
-    overall = {key: _mean([run[key] for run in runs]) for key in numbers if not isinstance(runs[0][key], bool)}
-    worst = {key: _worst(key, [run[key] for run in runs]) for key in overall}
-    print(_row("mean", overall))
-    print(_row("worst", worst))
-    for key, value in asdict(alike).items():
-        print(f"{key:24} {value:.4f}")
-    head = {"scenario": args.scenario, "link": args.link, "finished": all(run["finished"] for run in runs)}
-    report = head | overall | asdict(alike) | {"worst": worst, "trials": runs}
-    return {key: _rounded(value) for key, value in report.items()}
+    alike = asdict(repeatability([t.objects.segments_m for t in trials], [t.occupied_m for t in trials]))
+    numbers = [key for key, value in runs[0].items() if type(value) in {int, float} and key != "seed"]
+    mean = {key: _mean([run[key] for run in runs]) for key in numbers}
+    worst = {key: _worst(key, [run[key] for run in runs]) for key in numbers}
+    return {"finished": all(run["finished"] for run in runs), **mean, **alike, "worst": worst, "trials": runs}
 
 
 def _mean(values: list[float]) -> float:

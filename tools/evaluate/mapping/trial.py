@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 from robot_app.config import RobotConfig
 from shared.command_line import Refused
 from shared.config import ConfigError, parse
+from shared.geometry.se2 import Pose2
 from station_gui.config import StationConfig
 from station_gui.mapping.snapshot import MapSnapshot, ObjectMap
-from tools.evaluate.map_error import MapError, align, map_error
+from tools.evaluate._kernels import nearest_on_segments
+from tools.evaluate.map_error import MapError, align, map_error, standing_places_m
 from tools.evaluate.mapping.edges import seen_things
 from tools.evaluate.mapping.score import ObjectError, object_error
 from tools.evaluate.mapping.timing import Costs, TimedPipeline
@@ -24,11 +26,13 @@ from tools.evaluate.mapping.world import camera_places, true_world
 from tools.replay import MissionSource
 from tools.simulator.links import LinkName
 from tools.simulator.lockstep import run_mission
-from tools.simulator.scenario import Scenario
-from tools.simulator.truth import RecordedTruth, read_truth
+from tools.simulator.scenario import Goal, Scenario
+from tools.simulator.truth import RecordedTruth, read_truth, true_surfaces
 
 FloatArray = NDArray[np.float64]
 
+_SHORTEST_DRIVE_S = 3.0  # to a random goal, at least
+_GOAL_CLEAR_M = 0.35
 _RECORDING, _TRUTH, _FIGURES = "mission.mcap", "truth", "trial.json"
 
 
@@ -53,6 +57,7 @@ class Trial:
     driven: Driven
     truth: RecordedTruth
     snapshot: MapSnapshot
+    room_from_map: Pose2
     objects: ObjectMap
     occupied_m: FloatArray
     map_error: MapError
@@ -72,12 +77,20 @@ def simulate(
     station: StationConfig,
     folder: Path,
     progress: Callable[[float], None],
+    minutes: float | None = None,
 ) -> None:
-    """Drive the mission in lock-step and keep it in `folder`; what an interrupted one left there is thrown away."""
+    """Drive the mission in lock-step and keep it in `folder`; what an interrupted one left there is thrown away.
+
+    With `minutes` it goes on to places that are drawn at random until so much time has passed.
+    """
+    ends_s = 60 * minutes if minutes is not None else None
+    if ends_s is not None:
+        goals = _random_goals(scenario, round(ends_s / _SHORTEST_DRIVE_S), np.random.default_rng(seed))
+        scenario = replace(scenario, goals=goals)
     if folder.exists():
         shutil.rmtree(folder)
     folder.mkdir(parents=True)
-    result = run_mission(scenario, seed, robot, station, _quiet, progress, folder / _RECORDING, link)
+    result = run_mission(scenario, seed, robot, station, _quiet, progress, folder / _RECORDING, link, ends_s=ends_s)
     figures, outcome = result.figures, result.outcome
     driven = Driven(
         scenario.name,
@@ -112,6 +125,7 @@ def map_again(folder: Path, station: StationConfig) -> Trial:
         driven,
         truth,
         snapshot,
+        room_from_map,
         objects,
         room_from_map.apply(cells_m),
         map_error(snapshot.grid, truth.surfaces),
@@ -126,6 +140,16 @@ def _read(folder: Path) -> tuple[Driven, RecordedTruth]:
         return driven, read_truth(folder / _TRUTH)
     except (ConfigError, KeyError, ValueError, OSError) as error:
         raise Refused(f"{folder}: is no trial that can be read: {error}") from error
+
+
+def _random_goals(scenario: Scenario, count: int, rng: np.random.Generator) -> tuple[Goal, ...]:
+    """Anywhere that the robot can get to from its start and has some room round it."""
+    surfaces = true_surfaces(scenario)
+    places_m = standing_places_m(surfaces)
+    foot_m, clear_m = np.empty_like(places_m), np.empty(len(places_m))
+    nearest_on_segments(np.ascontiguousarray(places_m), surfaces.segments_m, foot_m, clear_m)
+    drawn = rng.choice(places_m[clear_m >= _GOAL_CLEAR_M], count)
+    return tuple(Goal((float(x), float(y))) for x, y in drawn)
 
 
 def _quiet(_: str) -> None:
