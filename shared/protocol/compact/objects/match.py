@@ -13,7 +13,7 @@ from shared.protocol.compact.state import NODES, State, Store
 
 IntArray = NDArray[np.int64]
 
-_NEAR_MM = 19.9  # a node this near to a stored one is sent as that one
+_NEAR_MM = 18.2  # … is sent as the stored one; rounded to whole millimetres twice it is still within 20
 _NEW_TO_LAST_MM = 8.0  # by how much nearer a node must be that the last network did not have
 _FURTHEST = (1 << 30) // STEP_MM
 
