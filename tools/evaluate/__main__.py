@@ -8,7 +8,7 @@ import sys
 from shared.command_line import Parser, run, set_up_logging
 from tools.evaluate import kidnap, mission, slam, urg
 from tools.evaluate.depth import extraction, lateness, learners, tables
-from tools.evaluate.link import air, codec
+from tools.evaluate.link import air, codec, cut_missions
 from tools.evaluate.mapping import command as mapping
 from tools.logs.base import LogError
 
@@ -22,6 +22,7 @@ _COMMANDS = {
     "tables": (tables, "writes tables 2 and 4, measured, into docs/extraction.md"),
     "learners": (learners, "the three learners side by side (table 2)"),
     "codec": (codec, "what observations cost in profile COMPACT, and in other packings"),
+    "cuts": (cut_missions, "missions while Wi-Fi is cut again and again, against one without a cut"),
     "link": (air, "what Wi-Fi and LoRa carry, with losses, failures and cuts"),
     "lateness": (lateness, "by how much the extraction delays the robot's 100 Hz task"),
 }

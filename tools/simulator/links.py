@@ -124,10 +124,10 @@ class RadioJoint:
 
 @dataclass(frozen=True, slots=True)
 class CutTimes:
-    """How long Wi-Fi is there and away, uniformly drawn, s."""
+    """Uniformly drawn, s. `used_s`: how long Wi-Fi carries the observations again before it is cut again."""
 
     first_s: float = 5.0
-    there_s: tuple[float, float] = (0.5, 4.0)
+    used_s: tuple[float, float] = (0.1, 2.5)
     away_s: tuple[float, float] = (0.1, 4.0)
 
 
@@ -140,7 +140,7 @@ class SwitchJoint:
         self._rng = np.random.default_rng(seed + 1_000)
         self.rig = FailoverRig(seed, settings=link_settings(bandwidth_hz), clock=clock, steps=False)
         self.cuts: tuple[Cut, ...] = ()
-        self._next_s = clock.now_s() + self._times.first_s
+        self._next_s: float | None = clock.now_s() + self._times.first_s
         self._made = False
 
     @property
@@ -155,9 +155,11 @@ class SwitchJoint:
         return self.rig.station
 
     def advance_to(self, time_s: float) -> None:
-        while self._next_s <= time_s:
+        if self._next_s is None and self.rig.robot.path is LinkPath.WIFI:
+            self._next_s = self._clock.now_s() + float(self._rng.uniform(*self._times.used_s))
+        while self._next_s is not None and self._next_s <= time_s:
             self.rig.run(self._next_s - self._clock.now_s())
-            self._switch()
+            self._switch(self._next_s)
         self.rig.run(time_s - self._clock.now_s())
 
     def cut(self) -> None:
@@ -170,15 +172,15 @@ class SwitchJoint:
         self.rig.radios.channel.use_loss(Independent)
         self._next_s = self._clock.now_s() + self._times.first_s
 
-    def _switch(self) -> None:
-        now_s, wifi = self._clock.now_s(), self.rig.wifi
+    def _switch(self, now_s: float) -> None:
+        wifi = self.rig.wifi
         if wifi.whole:
             wifi.cut()
             self._next_s = now_s + float(self._rng.uniform(*self._times.away_s))
             self.cuts += (Cut(now_s, self._next_s),)
         else:
             wifi.restore()
-            self._next_s = now_s + float(self._rng.uniform(*self._times.there_s))
+            self._next_s = None
 
 
 class WatchedJoint:

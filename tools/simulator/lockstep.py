@@ -58,9 +58,10 @@ class Lockstep:
         recording: Path | None = None,
         link: LinkName = "tcp",
         witness: Witness | None = None,
+        link_seed: int | None = None,
     ) -> None:
         self.clock = ManualClock()
-        self.joint: Joint = open_links(link, self.clock, seed)
+        self.joint: Joint = open_links(link, self.clock, seed if link_seed is None else link_seed)
         if witness is not None:
             self.joint = WatchedJoint(self.joint, witness, self.clock)
         self.world = World(scenario, seed)
@@ -149,14 +150,16 @@ def run_mission(
     link: LinkName = "tcp",
     witness: Witness | None = None,
     ends_s: float | None = None,
+    link_seed: int | None = None,
 ) -> MissionResult:
     """The demo's mission; `progress` is told the simulated seconds now and then. The truth is kept beside a recording.
 
-    With `ends_s` it ends then, however many goals are left, and that is no failure.
+    With `ends_s` it ends then, however many goals are left, and that is no failure. `link_seed`: of the link alone,
+    where it shall be another one than `seed`.
 
     Raises `RuntimeError` when a task of the robot or of the station failed: in a mission without faults that is a bug.
     """
-    system = Lockstep(scenario, seed, robot, station, recording, link, witness)
+    system = Lockstep(scenario, seed, robot, station, recording, link, witness, link_seed)
     director = Director(Orders(system.station), scenario.goals_in_start_frame_m(), say)
     system.use_operator(lambda: director.step(system.station.view()))
     longest_s = ends_s if ends_s is not None else _LONGEST_S
