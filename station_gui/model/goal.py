@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from shared.geometry.se2 import Pose2
 from shared.messages import Command, Drive, GoTo, MissionState, Telemetry
 from station_gui.mapping.snapshot import MapSnapshot
+from station_gui.model.goal_figures import GoalFigures, GoalState
 from station_gui.model.journal import Journal
 from station_gui.model.view import Severity
 from station_gui.planning.path_planner import PathPlanner, Plan, PlanningError
@@ -41,6 +43,12 @@ class GoalKeeper:
         self._at = 0  # the point of the path that the robot has come to
         self._planned_s = -math.inf
         self._followed_s = -math.inf
+        self._figures: GoalFigures | None = None
+
+    @property
+    def figures(self) -> GoalFigures | None:
+        """Of the goal that was asked for last, None before the first."""
+        return self._figures
 
     @property
     def goal_m(self) -> tuple[float, float] | None:
@@ -59,8 +67,7 @@ class GoalKeeper:
     def forget(self) -> None:
         with self._lock:
             self._asked = None
-            self._goal = None
-            self._plan = None
+            self._end(GoalState.FORGOTTEN)
 
     def step(self, snapshot: MapSnapshot | None, telemetry: Telemetry | None) -> None:
         """Do what is due for the goal."""
@@ -72,27 +79,43 @@ class GoalKeeper:
             self._follow_up(snapshot, telemetry)
 
     def _begin(self, goal: tuple[float, float], snapshot: MapSnapshot | None, telemetry: Telemetry | None) -> None:
+        self._end(GoalState.FORGOTTEN)
+        number = 1 if self._figures is None else self._figures.number + 1
+        self._figures = GoalFigures(number, goal, GoalState.GOING)
         if snapshot is None or telemetry is None:
-            self._journal.add(Severity.WARNING, "go to: there is no map yet")
-            return
-        if telemetry.state is not MissionState.COMMAND:
-            self._journal.add(Severity.WARNING, "go to is possible once the observation has finished")
-            return
-        if not snapshot.located:
-            self._journal.add(Severity.WARNING, "go to is possible once the robot's place in the map is known")
-            return
-        self._goal, self._plan, self._tries = goal, None, 0
-        self._goal_id += 1
-        self._plan_and_send(snapshot, telemetry)
+            self._refuse("there is no map yet")
+        elif telemetry.state is not MissionState.COMMAND:
+            self._refuse("this is possible once the observation has finished")
+        elif not snapshot.located:
+            self._refuse("this is possible once the robot's place in the map is known")
+        else:
+            self._goal, self._tries = goal, 0
+            self._goal_id += 1
+            self._plan_and_send(snapshot, telemetry)
+
+    def _refuse(self, reason: str) -> None:
+        figures = self._figures
+        assert figures is not None
+        self._journal.add(Severity.WARNING, f"go to {figures.goal_m[0]:.2f}, {figures.goal_m[1]:.2f}: {reason}")
+        self._end(GoalState.REFUSED, reason)
+
+    def _give_up(self, reason: str) -> None:
+        self._journal.add(Severity.WARNING, f"goal given up: {reason}")
+        self._end(GoalState.GIVEN_UP, reason)
+        self._send(Drive(0.0, 0.0))  # whoever takes the wheel ends the path
+
+    def _end(self, state: GoalState, reason: str = "") -> None:
+        self._goal = None
+        self._plan = None
+        if self._figures is not None and self._figures.state is GoalState.GOING:
+            self._figures = replace(self._figures, state=state, reason=reason)
 
     def _follow_up(self, snapshot: MapSnapshot, telemetry: Telemetry) -> None:
         if telemetry.state is not MissionState.COMMAND:
             self.forget()
             return
         if not snapshot.located:
-            self._journal.add(Severity.WARNING, "goal given up: the robot's place in the map is no longer known")
-            self.forget()
-            self._send(Drive(0.0, 0.0))  # whoever takes the wheel ends the path
+            self._give_up("the robot's place in the map is no longer known")
             return
         now_s = telemetry.stamp_s
         if telemetry.following_goal == self._goal_id:
@@ -118,12 +141,11 @@ class GoalKeeper:
         error_m = math.hypot(pose.x_m - goal[0], pose.y_m - goal[1])
         if error_m <= _ARRIVED_M:
             self._journal.add(Severity.INFO, f"goal reached, {100 * error_m:.0f} cm off by the map")
-            self.forget()
+            self._end(GoalState.REACHED)
         elif self._tries < _TRIES:
             self._plan_and_send(snapshot, telemetry)
         else:
-            self._journal.add(Severity.WARNING, f"goal given up, {100 * error_m:.0f} cm away after {_TRIES} tries")
-            self.forget()
+            self._give_up(f"{100 * error_m:.0f} cm away after {_TRIES} tries")
 
     def _plan_and_send(self, snapshot: MapSnapshot, telemetry: Telemetry) -> None:
         goal = self._goal
@@ -134,19 +156,34 @@ class GoalKeeper:
         try:
             plan = self._planner.plan(snapshot.grid, snapshot.map_from_robot, goal)
         except PlanningError as refusal:
-            self._journal.add(Severity.WARNING, f"go to {goal[0]:.2f}, {goal[1]:.2f}: {refusal}")
-            self.forget()
+            if self._plan is None:
+                self._refuse(str(refusal))
+            else:
+                self._give_up(str(refusal))
             return
         with self._lock:
             if self._goal != goal:  # forgotten while the plan was made
                 return
             self._plan, self._at = plan, 0
+            self._figures = self._told(plan)
         self._journal.add(
             Severity.INFO,
             f"going to {goal[0]:.2f}, {goal[1]:.2f}: {plan.length_m:.1f} m, "
             f"{100 * plan.clearance_m:.0f} cm clear, planned in {1000 * plan.planning_s:.0f} ms",
         )
         self._send_path(plan, snapshot)
+
+    def _told(self, plan: Plan) -> GoalFigures:
+        figures = self._figures
+        assert figures is not None
+        return replace(
+            figures,
+            length_m=plan.length_m,
+            clearance_m=plan.clearance_m,
+            planning_s=plan.planning_s,
+            slowest_s=max(figures.slowest_s, plan.planning_s),
+            plans=figures.plans + 1,
+        )
 
     def _has_moved(self, plan: Plan, snapshot: MapSnapshot) -> bool:
         end = _in_odom(plan.path[-1:], snapshot.map_from_odom)[0]

@@ -176,6 +176,7 @@ class Station:
             path_m=self._goals.path_m,
             recording=str(recorder.path) if recorder is not None else "",
             log_length=self._journal.length,
+            going=self._goals.figures,
         )
 
     def log_since(self, index: int) -> list[LogEntry]:

@@ -14,6 +14,7 @@ from shared.messages import Hello, Observation, Telemetry
 from station_gui.comms.state import LinkState, Severity
 from station_gui.comms.target import Target
 from station_gui.mapping.snapshot import MapSnapshot
+from station_gui.model.goal_figures import GoalFigures
 
 __all__ = ["LinkFigures", "LinkState", "LogEntry", "Operator", "OperatorView", "Severity", "Target"]
 
@@ -55,6 +56,7 @@ class OperatorView:
     path_m: NDArray[np.float64] | None  # (N, 2), map frame
     recording: str  # path of the recording, empty when there is none
     log_length: int  # how many log entries there have been
+    going: GoalFigures | None = None  # of the goal that was asked for last
 
 
 class Operator(Protocol):

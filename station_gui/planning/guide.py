@@ -32,8 +32,7 @@ class Guide:
         both = self.to_goal_m + self.from_start_m
         # Cells are walked in eight directions: at most 8.3 % too far.
         rows, columns = np.nonzero(np.isfinite(both) & (0.92 * both <= way_m + 2 * self.cell_m))
-        corners: NDArray[np.float64] = np.column_stack((columns, rows)) * self.cell_m + self.origin_m
-        return corners
+        return np.column_stack((columns * self.cell_m + self.origin_m[0], rows * self.cell_m + self.origin_m[1]))
 
 
 def make_guide(

@@ -17,6 +17,7 @@ from shared.geometry.se2 import Pose2
 from station_gui.planning.config import TreeConfig
 from station_gui.planning.guide import Guide
 from station_gui.planning.road import MOST_ELEMENTS, Road, split, walk
+from station_gui.planning.steering._kernels import change_cost
 from station_gui.planning.tree import _kernels
 
 _EDGE_M = 0.5  # of the way that is known already
@@ -60,8 +61,9 @@ class Tree:
             edge[0] = parts[k]
             self._poses[node], self._costs[node] = poses[k + 1], spent[k + 1]
             _kernels.set_edge(self._edges, self._ends, node, edge)
-            _kernels.hang(*self._links, node, node - 1)
-            change = _kernels.change_cost(self._road.costs, *self._ends[node - 1, 1], *self._ends[node, 0])
+            _kernels.hang(self._links[0], self._links[1], self._links[2], node, node - 1)
+            last, first = self._ends[node - 1, 1], self._ends[node, 0]
+            change = change_cost(self._road.costs, last[0], last[1], first[0], first[1])
             self._driven[node] = spent[k + 1] - spent[k] - change
             self._count += 1
         self._at_goal[self._count - 1] = True
@@ -105,7 +107,9 @@ class Tree:
             self._poses,
             self._costs,
             self._driven,
-            *self._links,
+            self._links[0],
+            self._links[1],
+            self._links[2],
             self._edges,
             self._ends,
             self._at_goal,

@@ -7,6 +7,7 @@ import math
 from shared.link.base import LinkPath
 from shared.messages import MissionState, StopReason, Telemetry
 from station_gui.mapping.snapshot import MapSnapshot, Tracking
+from station_gui.model.goal_figures import GoalFigures, GoalState
 from station_gui.model.view import LinkState, OperatorView
 from station_gui.views.pose import robot_on_map
 
@@ -142,10 +143,13 @@ def mission_sentence(view: OperatorView, stale_after_s: float) -> str:
         return "Connected. Waiting for the robot's first report."
     if not view.telemetry_age_s <= stale_after_s:
         return f"No report from the robot for {age(view.telemetry_age_s)}."
-    if view.telemetry.state is MissionState.COMMAND and not view.telemetry.stop_reason and view.goal_m is not None:
+    takes_goals = view.telemetry.state is MissionState.COMMAND and not view.telemetry.stop_reason
+    if takes_goals and view.goal_m is not None:
         return _goal_sentence(view, view.goal_m)
     lost = tracking_sentence(view.snapshot) if view.snapshot is not None else ""
-    return _with_place(lost, view.telemetry) if lost else telemetry_sentence(view.telemetry)
+    sentence = _with_place(lost, view.telemetry) if lost else telemetry_sentence(view.telemetry)
+    refusal = _refusal_sentence(view.going) if takes_goals else ""
+    return f"{refusal} {sentence}" if refusal else sentence
 
 
 def _with_place(lost: str, telemetry: Telemetry) -> str:
@@ -158,9 +162,24 @@ def _with_place(lost: str, telemetry: Telemetry) -> str:
 def _goal_sentence(view: OperatorView, goal_m: tuple[float, float]) -> str:
     sentence = f"Going to x {number(goal_m[0], 2)}, y {number(goal_m[1], 2, 'm')}"
     pose = robot_on_map(view)
-    if pose is None:
-        return f"{sentence}."
-    return f"{sentence}: {number(math.hypot(goal_m[0] - pose.x_m, goal_m[1] - pose.y_m), 2, 'm')} away."
+    if pose is not None:
+        sentence += f": {number(math.hypot(goal_m[0] - pose.x_m, goal_m[1] - pose.y_m), 2, 'm')} away"
+    return f"{sentence}.{_path_sentence(view.going)}"
+
+
+def _path_sentence(going: GoalFigures | None) -> str:
+    if going is None or not going.plans:
+        return ""
+    length, clear = number(going.length_m, 1, "m"), number(100 * going.clearance_m, 0, "cm")
+    return f" Path {length}, {clear} clear, planned in {number(1000 * going.planning_s, 0, 'ms')}."
+
+
+def _refusal_sentence(going: GoalFigures | None) -> str:
+    """Why the last goal was not gone to; empty when it was, or another order came."""
+    if going is None or going.state not in {GoalState.REFUSED, GoalState.GIVEN_UP}:
+        return ""
+    place = f"x {number(going.goal_m[0], 2)}, y {number(going.goal_m[1], 2, 'm')}"
+    return f"The goal {place} was {going.state.value}: {going.reason}."
 
 
 def telemetry_sentence(telemetry: Telemetry) -> str:

@@ -63,7 +63,7 @@ def body_clearance(field_m: Floats, frame: Floats, car: Floats, x: float, y: flo
     middle = 0.5 * (front - rear)
     span = 0.5 * (front + rear)
     if clearance_at(field_m, frame, x + middle * c, y + middle * s) >= cap + math.hypot(span, half):
-        return cap
+        return float(cap)
     ahead = x + (half - rear) * c
     aside = y + (half - rear) * s
     spine = _along(field_m, frame, ahead, aside, c, s, front + rear - 2.0 * half, half + cap)

@@ -6,6 +6,7 @@ import math
 import pytest
 
 from shared.messages import MissionState, StopReason
+from station_gui.model.goal_figures import GoalFigures, GoalState
 from station_gui.model.view import LinkState
 from station_gui.views import words
 
@@ -70,3 +71,24 @@ def test_on_the_way_to_a_goal_the_sentence_tells_how_far_it_is(scenes, room):
     )
     assert words.mission_sentence(view, 1.5) == f"Going to x {pose.x_m + 3:.2f}, y {pose.y_m + 4:.2f} m: 5.00 m away."
     assert words.mission_sentence(dataclasses.replace(view, snapshot=None), 1.5).endswith(" m.")
+
+
+def test_the_sentence_tells_length_clearance_and_planning_time_of_the_path(scenes, room):
+    view = dataclasses.replace(
+        scenes.connected_view(MissionState.COMMAND, room),
+        telemetry=scenes.telemetry(stamp_s=0.0),
+        goal_m=(1.0, 2.0),
+        going=GoalFigures(1, (1.0, 2.0), GoalState.GOING, 3.24, 0.12, 0.044, 0.044, 1),
+    )
+    assert words.mission_sentence(view, 1.5).endswith("away. Path 3.2 m, 12 cm clear, planned in 44 ms.")
+
+
+def test_a_goal_that_was_refused_is_told_with_the_reason_and_one_that_was_reached_is_not(scenes, room):
+    refused = GoalFigures(1, (1.0, 2.0), GoalState.REFUSED, reason="the goal is in unknown space")
+    view = dataclasses.replace(
+        scenes.connected_view(MissionState.COMMAND, room), telemetry=scenes.telemetry(stamp_s=0.0), going=refused
+    )
+    sentence = words.mission_sentence(view, 1.5)
+    assert sentence.startswith("The goal x 1.00, y 2.00 m was refused: the goal is in unknown space. ")
+    reached = dataclasses.replace(view, going=dataclasses.replace(refused, state=GoalState.REACHED))
+    assert words.mission_sentence(reached, 1.5) == words.mission_sentence(dataclasses.replace(view, going=None), 1.5)
