@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from station_gui.mapping.slam2d.graph.sight.sight import View, seen_through_share
 from station_gui.mapping.slam2d.keyframes import Keyframe
 from station_gui.mapping.slam2d.localisation.config import DoubtConfig
-from station_gui.mapping.slam2d.share import Share, at_once
+from station_gui.mapping.slam2d.share import result_at_once
 
 FloatArray = NDArray[np.float64]
 
@@ -56,14 +56,11 @@ class Contradiction:
         return np.array([self._looked_through(here, views), float(np.mean(through)) if through else 0.0])
 
     def _looked_through(self, points: View, views: Sequence[View]) -> float:
-        config, shares = self._config, [0.0]
-        stride = -(-len(points.keyframe.points_m) // config.view_points) or 1
+        config = self._config
+        stride = max(1, -(-len(points.keyframe.points_m) // config.view_points))
         points_m = points.keyframe.points_m[::stride].astype(np.float64)
-
-        def look(share: Share) -> Generator[None, None, None]:
-            shares[0] = yield from seen_through_share(
+        return result_at_once(
+            lambda share: seen_through_share(
                 points_m, points.in_place, views, config.view_margin_m, config.view_margin_ratio, share
             )
-
-        at_once(look)
-        return shares[0]
+        )
