@@ -7,6 +7,7 @@ edges and of the occupancy grid, so that a map does not depend on how often some
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shared.geometry.se2 import Pose2, wrap_angle
 from shared.messages import Observation
@@ -19,7 +20,7 @@ from station_gui.mapping.objects.ransac.ransac import LineFitter
 from station_gui.mapping.objects.reference import aligned, first_clusters, joined_owners
 from station_gui.mapping.objects.surfaces import ObjectBuilder
 from station_gui.mapping.slam2d.base import Slam
-from station_gui.mapping.snapshot import GridMap, ObjectMap
+from station_gui.mapping.snapshot import NO_OBJECTS, GridMap, ObjectMap
 
 
 class ObjectCombiner:
@@ -31,6 +32,8 @@ class ObjectCombiner:
         self._builder = ObjectBuilder(config.surface, self._fitter)
         self._edges = FusedEdges(config.fusion, config.camera)
         self._networks = Networks(config.most_networks, config.surface)
+        self._map = NO_OBJECTS
+        self._before: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         self._last: tuple[Pose2, float] | None = None
 
     def add(self, scan: int, map_from_robot: Pose2, observation: Observation, slam: Slam) -> None:
@@ -61,16 +64,25 @@ class ObjectCombiner:
         lines_m = edges.from_above_m()
         clusters = first_clusters(lines_m, edges.level_views(), config)  # step 2, eqs 36, 37, Algorithm 1
         edges = edges.without_noise(clusters)
+        if 3 not in steps:
+            return self._builder.without_reference(edges)
         nodes_m = grid.occupied_m()
-        if 3 in steps:
-            owners = nearest_clusters(nodes_m, lines_m, clusters, config.node_reach_m)  # step 3, P > 0.750
-            reference_m = self._fitter.fit(nodes_m, owners, grid.cell_m)[0]  # eqs 38–40, Algorithm 2
-            if 4 in steps:
-                owners = joined_owners(nodes_m, reference_m, config)  # step 4
-                reference_m = self._fitter.fit(nodes_m, owners, grid.cell_m)[0]
-            if 5 in steps:
-                edges = aligned(edges, reference_m, config)  # step 5
-        return self._builder.build(edges, grid)  # figure 11, surfaces
+        if self._is_as_before(edges, nodes_m):
+            return self._map
+        owners = nearest_clusters(nodes_m, lines_m, clusters, config.node_reach_m)  # step 3, P > 0.750
+        reference_m = self._fitter.fit(nodes_m, owners, grid.cell_m)[0]  # eqs 38–40, Algorithm 2
+        if 4 in steps:
+            owners = joined_owners(nodes_m, reference_m, config)  # step 4
+            reference_m = self._fitter.fit(nodes_m, owners, grid.cell_m)[0]
+        if 5 in steps:
+            edges = aligned(edges, reference_m, config)  # step 5
+        self._map = self._builder.build(edges, reference_m, nodes_m, grid.cell_m)  # figure 11, surfaces
+        return self._map
+
+    def _is_as_before(self, edges: Edges, nodes_m: NDArray[np.float64]) -> bool:
+        """What has not changed is not worked out again; most observations show known things from known places."""
+        before, self._before = self._before, (edges.ends_m, nodes_m)
+        return before is not None and all(map(np.array_equal, before, self._before))
 
     def _has_moved(self, pose: Pose2, stamp_s: float) -> tuple[bool, bool]:
         """Whether this is another place than the last, and whether some time has gone by."""

@@ -63,21 +63,22 @@ def _on_corners(points_m: FloatArray, lines_m: FloatArray, config: ReferenceConf
     along, length_m = directions(lines_m)
     places_m, across_m = coordinates(points_m, lines_m, along)
     offsets_m = np.abs(across_m)
-    near = (offsets_m <= config.most_m) & (places_m >= -config.reach_m) & (places_m <= length_m + config.reach_m)
+    near = (offsets_m <= config.most_m) & (places_m >= -config.most_m) & (places_m <= length_m + config.most_m)
     first = np.where(near, offsets_m, np.inf).argmin(axis=1)
     rows = np.arange(len(points_m))
     on_line_m = lines_m[first, 0] + places_m[rows, first][:, None] * along[first]
-    sine = along[first, 0, None] * along[None, :, 1] - along[first, 1, None] * along[None, :, 0]
-    crossing = near & (np.abs(sine) >= _CORNER_SINE)
+    turn = along[first, 0, None] * along[None, :, 1] - along[first, 1, None] * along[None, :, 0]
+    crossing = near & (np.abs(turn) >= _CORNER_SINE)
     second = np.where(crossing, offsets_m, np.inf).argmin(axis=1)
     between_m = lines_m[second, 0] - on_line_m
-    sine = np.where(crossing[rows, second], sine[rows, second], 1.0)
+    sine = np.where(crossing[rows, second], turn[rows, second], 1.0)
     t = (between_m[:, 0] * along[second, 1] - between_m[:, 1] * along[second, 0]) / sine
     corner_m = on_line_m + t[:, None] * along[first]
     away_m = np.hypot(*(corner_m - points_m).T)
     cornered = crossing[rows, second] & (away_m <= 2.0 * config.most_m)
     moved_m = np.where(cornered[:, None], corner_m, on_line_m)
-    return np.where(near[rows, first][:, None], moved_m, points_m)
+    doubtful = (near & (np.abs(turn) < _CORNER_SINE)).sum(axis=1) > 1  # between two fronts that are a step apart
+    return np.where((near[rows, first] & ~doubtful)[:, None], moved_m, points_m)
 
 
 def coordinates(points_m: FloatArray, lines_m: FloatArray, along: FloatArray) -> tuple[FloatArray, FloatArray]:

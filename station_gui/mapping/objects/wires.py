@@ -1,0 +1,66 @@
+"""Upright and level edges that meet: a wireframe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station_gui.mapping.objects.config import SurfaceConfig
+from station_gui.mapping.objects.fusing.fused_edges import Edges
+
+FloatArray = NDArray[np.float64]
+
+_ACROSS_M = 0.025  # an upright edge that stands farther beside a level one is of another front
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Wires:
+    """`posts_m`: (P, 2, 3) from below to above, `rails_m`: (L, 2, 3) of one height each, map frame."""
+
+    posts_m: FloatArray
+    rails_m: FloatArray
+
+    def heights_m(self) -> FloatArray:
+        """(L,) of the level ones."""
+        return self.rails_m[:, 0, 2]
+
+
+def tidied(edges: Edges, config: SurfaceConfig, *, with_floor: bool) -> Wires:
+    """Ends that meet become one, what begins just over the floor stands on it.
+
+    `with_floor`: level edges on the floor stay; they only repeat the 2D map, and cut across its corners.
+    """
+    posts_m, rails_m = edges.ends_m[edges.upright].copy(), edges.ends_m[~edges.upright].copy()
+    if not with_floor:
+        rails_m = rails_m[rails_m[:, :, 2].mean(axis=1) > config.floor_m]
+    rails_m[:, :, 2] = rails_m[:, :, 2].mean(axis=1, keepdims=True)
+    posts_m[:, 0, 2] = np.where(posts_m[:, 0, 2] < config.floor_m, 0.0, posts_m[:, 0, 2])
+    if len(posts_m) and len(rails_m):
+        _meet(posts_m, rails_m, config.join_m)
+    return Wires(posts_m, rails_m)
+
+
+def _meet(posts_m: FloatArray, rails_m: FloatArray, join_m: float) -> None:
+    """Level edges end at the upright ones that they reach; an upright one ends where a level one tops it."""
+    beside_m = posts_m[None, None, :, 0, :2] - rails_m[:, :, None, :2]  # (L, 2, P, 2)
+    gap_m = np.hypot(beside_m[..., 0], beside_m[..., 1])
+    way = rails_m[:, 1, :2] - rails_m[:, 0, :2]
+    way /= np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-9)[:, None]
+    across_m = way[:, None, None, 0] * beside_m[..., 1] - way[:, None, None, 1] * beside_m[..., 0]
+    gap_m = np.where(np.abs(across_m) <= _ACROSS_M, gap_m, np.inf)
+    z = rails_m[:, 0, 2][:, None, None]
+    low, high = posts_m[:, 0, 2], posts_m[:, 1, 2]
+    gap_m = np.where((z > low - join_m) & (z < high + join_m), gap_m, np.inf)
+    nearest = gap_m.argmin(axis=2)
+    rails, ends = np.nonzero(gap_m.min(axis=2) <= join_m)
+    posts = nearest[rails, ends]
+    short = nearest[:, 0] == nearest[:, 1]  # both ends at one upright edge: there is nothing left of it
+    usable = ~short[rails]
+    rails, ends, posts = rails[usable], ends[usable], posts[usable]
+    rails_m[rails, ends, :2] = posts_m[posts, 0, :2]
+    topping = np.abs(rails_m[rails, 0, 2] - high[posts]) <= join_m
+    top_m = np.full(len(posts_m), -np.inf)
+    np.maximum.at(top_m, posts[topping], rails_m[rails[topping], 0, 2])
+    posts_m[:, 1, 2] = np.where(np.isfinite(top_m), top_m, high)
