@@ -40,7 +40,7 @@ class WallFollowerConfig:
     crossed_m: float = 0.5  # an island is left when something else is so near ahead
     leave_limit_m: float = 4.0
     track_step_m: float = 0.1  # such places are remembered this often
-    track_length: int = 400
+    track_length: int = 800  # as far as an observation may go
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,8 +201,9 @@ class WallFollower:
 
     def _judge_lap(self, pose: Pose2) -> None:
         """A lap of the room turns the robot once towards the open side; a lap of an island the other way."""
-        if not self._track or self._distance_m - self._track[-1].distance_m > self._config.track_step_m:
-            self._track.append(_Mark(pose, self._distance_m, self._turned_rad))
+        if self._track and self._distance_m - self._track[-1].distance_m <= self._config.track_step_m:
+            return
+        self._track.append(_Mark(pose, self._distance_m, self._turned_rad))
         for mark in tuple(self._track):
             if self._distance_m - mark.distance_m < self._config.lap_distance_m:
                 break
