@@ -8,6 +8,7 @@ READY  := $(VENV)/.ready
 help:
 	@echo "make demo            the whole mission on the simulated robot, in the operator's window"
 	@echo "make demo HEADLESS=1 the same by itself without a display; pictures in out/demo"
+	@echo "make demo LINK=lora  the same over emulated LoRa radios; LINK=switch: Wi-Fi that goes away, with LoRa beside it"
 	@echo "make test            set up, check the style, the types and the architecture, run all tests"
 	@echo "make setup           make $(VENV) and install everything into it"
 	@echo "make firmware        build the transceiver's firmware for the Arduino Mega; flash and RAM it takes"
@@ -27,7 +28,7 @@ kernels: $(READY)
 	@VENV="$(VENV)" sh tools/setup/compile_kernels.sh
 
 demo: $(READY) kernels
-	@HEADLESS="$(HEADLESS)" $(VENV)/bin/python -m tools.demo
+	@HEADLESS="$(HEADLESS)" LINK="$(LINK)" $(VENV)/bin/python -m tools.demo
 
 lint: $(READY)
 	$(VENV)/bin/ruff format --check .

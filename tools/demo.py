@@ -1,7 +1,9 @@
 """`make demo`: the whole mission on the simulated robot, in the operator's window.
 
 With a display the window opens on the running robot and is the operator's. Without one, or with HEADLESS=1, the
-window runs on a virtual display and the mission is played with clicks on its buttons and its map.
+window runs on a virtual display and the mission is played with clicks on its buttons and its map. LINK=lora runs it
+over emulated radios and the transceiver's firmware, LINK=switch over Wi-Fi that goes away now and then, with LoRa
+beside it.
 """
 
 from __future__ import annotations
@@ -14,66 +16,24 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from shared.command_line import EXIT_FAILED, EXIT_OK, Refused, run, set_up_logging
-from station_gui.comms.target import Target
 from station_gui.config import StationConfig, load_config
+from tools.demo_robot import LEFT_BEHIND, simulated_robot
+from tools.simulator.links import LINK_NAMES, LinkName
 from tools.simulator.scenario import Scenario, find_scenario
 from tools.simulator.truth import SIMULATION_FILE, TRUTH_FILE, read_truth
 
 OUT = Path("out/demo")
 _SCENARIO, _SEED = "lab", 1
-_READY_TIMEOUT_S = 120.0  # compiling takes a while the first time
-_END_TIMEOUT_S = 15.0
 _SCREEN = "1600x1000x24"
 _STEP_MS = 100
 _LEFT_BEHIND = (
-    "window.png", "map2d.png", "map3d.png", "mission.mcap", "summary.json", "simulator.log", "port.txt",
+    "window.png", "map2d.png", "map3d.png", "mission.mcap", "summary.json", *LEFT_BEHIND,
     f"truth/{TRUTH_FILE}", f"truth/{SIMULATION_FILE}",
 )  # fmt: skip
-
-
-@contextmanager
-def simulated_robot(out: Path) -> Iterator[int]:
-    """The simulator as a process of its own; gives its port, and ends it so that it writes its truth."""
-    port_file, log = out / "port.txt", out / "simulator.log"
-    port_file.unlink(missing_ok=True)
-    arguments = ["--scenario", _SCENARIO, "--seed", str(_SEED), "--port", "0"]
-    arguments += ["--port-file", str(port_file), "--out", str(out / "truth"), "--until-eof"]
-    with log.open("wb") as stream:
-        process = subprocess.Popen(  # it ends with us, however we end: its standard input ends then
-            [sys.executable, "-m", "tools.simulator", *arguments],
-            stdin=subprocess.PIPE,
-            stdout=stream,
-            stderr=subprocess.STDOUT,
-        )
-    try:
-        yield _wait_for_port(process, port_file, log)
-    finally:
-        if process.stdin is not None:
-            process.stdin.close()
-        try:
-            process.wait(_END_TIMEOUT_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-        port_file.unlink(missing_ok=True)
-
-
-def _wait_for_port(process: subprocess.Popen[bytes], port_file: Path, log: Path) -> int:
-    until_s = time.monotonic() + _READY_TIMEOUT_S
-    while time.monotonic() < until_s:
-        if process.poll() is not None:
-            last = (log.read_text("utf-8", "replace").strip().splitlines() or ["it said nothing"])[-1]
-            raise Refused(f"the simulator ended with code {process.returncode}: {last}; see {log}")
-        if port_file.exists() and (text := port_file.read_text("utf-8")).endswith("\n"):
-            return int(text)
-        time.sleep(0.1)
-    raise Refused(f"the simulator was not ready after {_READY_TIMEOUT_S:.0f} s; see {log}")
 
 
 @dataclass(slots=True)
@@ -86,7 +46,7 @@ class _Say:
         print(f"demo {time.monotonic() - self.began_s:5.1f} s  {text}", flush=True)
 
 
-def _play(config: StationConfig, scenario: Scenario, out: Path, say: _Say) -> int:
+def _play(config: StationConfig, scenario: Scenario, link: LinkName, out: Path, say: _Say) -> int:
     """The mission by itself, with clicks; pictures and summary at the end."""
     from station_gui.app import run_window  # noqa: PLC0415 - Qt is loaded only once a display is there
     from tools.demo_hands import Performance  # noqa: PLC0415
@@ -94,9 +54,10 @@ def _play(config: StationConfig, scenario: Scenario, out: Path, say: _Say) -> in
     from tools.pictures import draw_map  # noqa: PLC0415
 
     recording = out / "mission.mcap"
-    with simulated_robot(out) as port:
-        say(f"the simulated robot listens on port {port}")
-        performance = Performance(scenario.goals_in_start_frame_m(), port, out, say, _STEP_MS)
+    with simulated_robot(out, link, _SCENARIO, _SEED) as meeting:
+        say(f"the simulated robot is at {meeting.target}")
+        config = replace(config, pairing=meeting.pairing)
+        performance = Performance(scenario.goals_in_start_frame_m(), meeting.target, out, say, _STEP_MS)
         run_window(config, secrets.randbits(31), when_open=performance.begin, name_recording=lambda: recording)
     station, outcome = performance.result()
     snapshot = station.finish_mapping()
@@ -116,14 +77,15 @@ def _play(config: StationConfig, scenario: Scenario, out: Path, say: _Say) -> in
     return EXIT_OK if outcome.failure == "" else EXIT_FAILED
 
 
-def _show(config: StationConfig, out: Path, say: _Say) -> int:
+def _show(config: StationConfig, link: LinkName, out: Path, say: _Say) -> int:
     """The window is the operator's."""
     from station_gui.app import run_window  # noqa: PLC0415 - Qt is loaded only once a display is there
 
-    with simulated_robot(out) as port:
+    with simulated_robot(out, link, _SCENARIO, _SEED) as meeting:
+        config = replace(config, pairing=meeting.pairing)
         say("the window opens: press Start observation; later choose Go to and click on the map")
         recording = out / "mission.mcap"
-        code = run_window(config, secrets.randbits(31), Target("127.0.0.1", port), name_recording=lambda: recording)
+        code = run_window(config, secrets.randbits(31), meeting.target, name_recording=lambda: recording)
     print(f"the mission was recorded in {recording}")
     return code
 
@@ -139,14 +101,22 @@ def _work() -> int:
     headless = os.environ.get("HEADLESS", "") not in {"", "0"}
     has_display = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
     say = _Say(time.monotonic())
+    link = _link_name(os.environ.get("LINK", "") or "tcp")
     if "--virtual" in sys.argv[1:]:
         _clear(OUT)
         logging.getLogger("station").setLevel(logging.INFO)
-        return _play(load_config(None), find_scenario(_SCENARIO), OUT, say)
+        return _play(load_config(None), find_scenario(_SCENARIO), link, OUT, say)
     if headless or not has_display:
         return _on_virtual_display()
     _clear(OUT)
-    return _show(load_config(None), OUT, say)
+    return _show(load_config(None), link, OUT, say)
+
+
+def _link_name(text: str) -> LinkName:
+    for name in LINK_NAMES:
+        if text == name:
+            return name
+    raise Refused(f"LINK={text}: it is one of {', '.join(LINK_NAMES)}")
 
 
 def _clear(out: Path) -> None:

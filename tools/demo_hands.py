@@ -9,24 +9,28 @@ from PySide6.QtCore import QPointF, Qt, QTimer
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QAbstractButton
 
+from station_gui.comms.target import Target
 from station_gui.model.station import Station
 from station_gui.views.main_window import MainWindow
 from tools.director import Director, Outcome
-
-_HOST = "127.0.0.1"
 
 
 class Mouse:
     """The director's hands: clicks in the window."""
 
-    def __init__(self, window: MainWindow, port: int) -> None:
+    def __init__(self, window: MainWindow, target: Target) -> None:
         self._window = window
-        self._port = port
+        self._target = target
 
     def connect(self) -> None:
-        self._window.connection.host.setText(_HOST)
-        self._window.connection.port.setText(str(self._port))
-        _click(self._window.connection.button)
+        target, panel = self._target, self._window.connection
+        _click(panel.uses["tcp" if not target.radio_ports else "both" if target.host else "radio"])
+        if target.host:
+            panel.host.setText(target.host)
+            panel.port.setText(str(target.port))
+        if target.radio_ports:
+            panel.radio.setText(" ".join(target.radio_ports))
+        _click(panel.button)
 
     def start(self) -> None:
         _click(self._window.commands.start)
@@ -52,10 +56,15 @@ class Performance:
     """Runs a director on the window's timer, takes the pictures and closes the window."""
 
     def __init__(
-        self, goals_m: tuple[tuple[float, float], ...], port: int, out: Path, say: Callable[[str], None], step_ms: int
+        self,
+        goals_m: tuple[tuple[float, float], ...],
+        target: Target,
+        out: Path,
+        say: Callable[[str], None],
+        step_ms: int,
     ) -> None:
         self._goals_m = goals_m
-        self._port = port
+        self._target = target
         self._out = out
         self._say = say
         self._step_ms = step_ms
@@ -66,7 +75,7 @@ class Performance:
     def begin(self, station: Station, window: MainWindow) -> None:
         """For `run_window`: called once the window stands."""
         self._station = station
-        director = Director(Mouse(window, self._port), self._goals_m, self._say)
+        director = Director(Mouse(window, self._target), self._goals_m, self._say)
         self._timer.timeout.connect(lambda: self._step(director, window))
         self._timer.start(self._step_ms)
 

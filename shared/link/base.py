@@ -56,7 +56,7 @@ class LinkHealth:
     wifi: bool | None = None  # the other side answers over Wi-Fi
     lora: bool | None = None  # … over LoRa
     radios: tuple[RadioHealth, ...] = ()
-    goodput_bps: float | None = None  # of the bulk over LoRa, acknowledged within the last seconds
+    goodput_bps: float | None = None  # over LoRa, both ways, within the last seconds
     is_secret: bool = False  # nobody takes part who has not the pairing file
 
 

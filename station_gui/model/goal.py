@@ -21,6 +21,7 @@ from station_gui.planning.path_planner import PathPlanner, Plan, PlanningError
 _ARRIVED_M = 0.08
 _RESEND_M = 0.02  # the path is sent again when the map has moved its end so far in the odom frame
 _STANDS_S = 1.5  # after so long without following, the robot has ended the path
+_STANDS_RADIO_S = 5.0  # the same over LoRa, where a path takes a while to get there
 _REPLAN_EVERY_S = 1.5
 _TRIES = 4
 _LOOK_AHEAD_POINTS = 12
@@ -43,6 +44,7 @@ class GoalKeeper:
         self._at = 0  # the point of the path that the robot has come to
         self._planned_s = -math.inf
         self._followed_s = -math.inf
+        self._stands_s = _STANDS_S
         self._figures: GoalFigures | None = None
 
     @property
@@ -69,8 +71,9 @@ class GoalKeeper:
             self._asked = None
             self._end(GoalState.FORGOTTEN)
 
-    def step(self, snapshot: MapSnapshot | None, telemetry: Telemetry | None) -> None:
+    def step(self, snapshot: MapSnapshot | None, telemetry: Telemetry | None, slow_link: bool = False) -> None:
         """Do what is due for the goal."""
+        self._stands_s = _STANDS_RADIO_S if slow_link else _STANDS_S
         with self._lock:
             asked, self._asked = self._asked, None
         if asked is not None:
@@ -120,7 +123,7 @@ class GoalKeeper:
         now_s = telemetry.stamp_s
         if telemetry.following_goal == self._goal_id:
             self._followed_s = now_s
-        elif now_s - self._followed_s > _STANDS_S:
+        elif now_s - self._followed_s > self._stands_s:
             self._ended(snapshot, telemetry)
             return
         plan = self._plan

@@ -150,7 +150,8 @@ class Station:
         self._map_files.tell(snapshot.tracking)
 
     def _step_planning(self) -> None:
-        self._goals.step(self._snapshot, self._telemetry.telemetry)
+        slow = self._session.path is LinkPath.RADIO
+        self._goals.step(self._snapshot, self._telemetry.telemetry, slow)
 
     # --- what the window asks for ---
 

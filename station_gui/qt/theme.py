@@ -70,6 +70,7 @@ QPushButton:focus, QToolButton:focus { border-color: $ACCENT; }
 QPushButton:pressed, QToolButton:pressed { background: $BORDER; }
 QPushButton:checked, QToolButton:checked { background: $ACCENT; border-color: $ACCENT; color: #06131f; }
 QPushButton:disabled, QToolButton:disabled { color: $DISABLED; background: $PANEL; border-color: $BORDER; }
+QPushButton:checked:disabled { color: $TEXT; background: $BORDER; border-color: $MUTED; }
 QPushButton[role="primary"]:enabled { background: #1f5fae; border-color: #2a74cf; font-weight: bold; }
 QPushButton[role="primary"]:hover { background: #2a74cf; }
 QPushButton[role="stop"]:enabled { border-color: $WARNING; color: $WARNING; font-weight: bold; }

@@ -36,6 +36,7 @@ _IDLE_S = 0.1  # for a radio whose port is lost
 _JOIN_S = 3.0
 _GOODBYE_S = 0.3
 _GOODPUT_WINDOW_S = 5.0
+_MOST_HEARD = 1_024  # packets within that window
 
 
 @dataclass(slots=True)
@@ -78,7 +79,7 @@ class RadioPair:
         self._closed = False
         self._when_closed = when_closed
         self._stop = threading.Event()
-        self._acknowledged: deque[tuple[float, int]] = deque()
+        self._carried: deque[tuple[float, int]] = deque(maxlen=_MOST_HEARD)
         self.statistics = RadioPairStatistics(
             lanes=self._lanes.statistics, turns=turns.statistics, security=conversation.statistics
         )
@@ -134,15 +135,19 @@ class RadioPair:
 
     @property
     def goodput_bps(self) -> float:
-        """Bits of the bulk that the other side has acknowledged, over the last 5 s."""
+        """Bits a second that have come for certain, both ways together, over the last 5 s."""
         with self._changed:
-            now_s, acknowledged = self._clock.now_s(), self._lanes.statistics.acknowledged_bytes
-            while self._acknowledged and self._acknowledged[0][0] < now_s - _GOODPUT_WINDOW_S:
-                self._acknowledged.popleft()
-            if not self._acknowledged:
+            now_s = self._clock.now_s()
+            while self._carried and self._carried[0][0] < now_s - _GOODPUT_WINDOW_S:
+                self._carried.popleft()
+            if not self._carried:
                 return 0.0
-            first_s, first_bytes = self._acknowledged[0]
-            return 8.0 * (acknowledged - first_bytes) / max(now_s - first_s, 0.1)
+            first_s, first_bytes = self._carried[0]
+            return 8.0 * (self._carried_bytes() - first_bytes) / max(now_s - first_s, 0.1)
+
+    def _carried_bytes(self) -> int:
+        lanes = self._lanes.statistics
+        return lanes.acknowledged_bytes + lanes.delivered_bytes
 
     def send(self, datagram: bytes, lane: Lane = Lane.BULK, slot: int = 0, for_radio: ForRadio | None = None) -> bool:
         """As `Link`. What is too long for NOW or NEWEST travels as COMMAND."""
@@ -217,9 +222,7 @@ class RadioPair:
         """Under the lock."""
         self._heard_s = self._clock.now_s()
         self._was_connected |= self._conversation.has_session
-        self._acknowledged.append((self._heard_s, self._lanes.statistics.acknowledged_bytes))
-        if len(self._acknowledged) > 1_024:
-            self._acknowledged.popleft()
+        self._carried.append((self._heard_s, self._carried_bytes()))
 
     def _is_connected(self) -> bool:
         silent_s = self._clock.now_s() - self._heard_s
