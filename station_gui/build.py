@@ -61,7 +61,7 @@ def build_station(
         make,
         partial(build_pipeline, config),
         config.car,
-        PathPlanner(config.car, config.planning),
+        PathPlanner(config.car, config.planning, clock.now_s),
         name_recording or partial(_name_recording, config.recording.folder),
         first_command,
     )

@@ -61,7 +61,9 @@ class Plan:
 class PathPlanner:
     """Plans on occupancy grids; keeps nothing between calls."""
 
-    def __init__(self, car: CarGeometry, config: PlannerConfig) -> None:
+    def __init__(self, car: CarGeometry, config: PlannerConfig, now_s: Callable[[], float] = stopwatch_s) -> None:
+        """`now_s` tells the time for the time-out: a clock that stands still makes a plan a function of the map."""
+        self._now_s = now_s
         self._car = car
         self._config = config
         self._body = np.array([car.rear_m, car.front_m, car.width_m / 2, config.margin_m, config.comfort_m])
@@ -80,7 +82,8 @@ class PathPlanner:
         road = self._road(costmap, map_from_robot)
         goal = Target(np.array([*goal_m, goal_heading_rad or 0.0]), goal_heading_rad is None)
         guide = self._guide(costmap, road, goal)
-        elements = self._way(road, guide, goal, lambda: stopwatch_s() - began_s > self._config.timeout_s)
+        until_s = self._now_s() + self._config.timeout_s
+        elements = self._way(road, guide, goal, lambda: self._now_s() > until_s)
         path = walk(map_from_robot, elements, self._config.spacing_m)
         return Plan(
             path,

@@ -8,13 +8,15 @@ import sys
 from shared.command_line import Parser, run, set_up_logging
 from tools.evaluate import kidnap, mission, slam, urg
 from tools.evaluate.depth import extraction, lateness, learners, tables
-from tools.evaluate.link import air, codec, cut_missions
+from tools.evaluate.goals import command as goals
+from tools.evaluate.link import air, codec, cut_missions, radio_mission
 from tools.evaluate.mapping import command as mapping
 from tools.logs.base import LogError
 
 _COMMANDS = {
     "mission": (mission, "the demo's mission in lock-step, no window"),
     "map": (mapping, "missions with different seeds, their 2D and 3D maps against the truth"),
+    "goals": (goals, "random goals: what can be reached is, what cannot is refused"),
     "slam": (slam, "2D SLAM on a recorded log, against hand-made relations"),
     "urg": (urg, "walls and revisits of the map of a log without a ground truth"),
     "kidnap": (kidnap, "finding a robot that was put down anywhere in a saved map"),
@@ -23,6 +25,7 @@ _COMMANDS = {
     "learners": (learners, "the three learners side by side (table 2)"),
     "codec": (codec, "what observations cost in profile COMPACT, and in other packings"),
     "cuts": (cut_missions, "missions while Wi-Fi is cut again and again, against one without a cut"),
+    "radio-mission": (radio_mission, "a mission over LoRa alone, in real time, through the real firmware"),
     "link": (air, "what Wi-Fi and LoRa carry, with losses, failures and cuts"),
     "lateness": (lateness, "by how much the extraction delays the robot's 100 Hz task"),
 }

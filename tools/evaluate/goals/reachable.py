@@ -1,0 +1,77 @@
+"""Where the car can really get: an exhaustive search in the true room that shares nothing with the planner.
+
+Poses in cells of 4 cm and 5 degrees are joined by short arcs of the car's tightest circle and by straight pieces, in
+both directions, as long as the rectangle of the car touches none of the scenario's true boxes.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.geometry.ackermann import CarGeometry
+from shared.geometry.se2 import Pose2
+from tools.evaluate.goals import _kernels
+from tools.simulator.scenario import Scenario
+from tools.simulator.solids import solids_of
+
+_CELL_M, _HEADINGS, _STEP_M = 0.04, 72, 0.06
+_FAR_CELL_M = 0.02
+
+
+class Reachable:
+    """All that the car reaches from where it stands, with `margin_m` kept on all sides."""
+
+    def __init__(self, scenario: Scenario, car: CarGeometry, room_from_robot: Pose2, margin_m: float) -> None:
+        self._boxes = _boxes(scenario)
+        self._car = np.array([car.rear_m + margin_m, car.front_m + margin_m, car.width_m / 2 + margin_m])
+        self._far_m = _far_m(scenario, self._boxes)
+        shape = (
+            math.ceil(scenario.room.width_y_m / _CELL_M),
+            math.ceil(scenario.room.length_x_m / _CELL_M),
+            _HEADINGS,
+        )
+        self._seen = np.zeros(shape, bool)
+        start, bend = room_from_robot.as_array(), 1.0 / car.min_turning_radius_m
+        stack = np.empty((self._seen.size + 1, 3))
+        self.poses: int = _kernels.flood(
+            self._boxes, self._car, self._far_m, _FAR_CELL_M, start, bend, _STEP_M, _CELL_M, self._seen, stack
+        )
+
+    def __contains__(self, place_m: tuple[float, float]) -> bool:
+        """Whether the car gets to this place, room frame, with any heading."""
+        i, j = math.floor(place_m[1] / _CELL_M), math.floor(place_m[0] / _CELL_M)
+        if not (0 <= i < self._seen.shape[0] and 0 <= j < self._seen.shape[1]):
+            return False
+        headings = np.flatnonzero(self._seen[i, j])
+        return any(self._is_free(place_m, (k + 0.5) * math.tau / _HEADINGS) for k in headings.tolist())
+
+    def _is_free(self, place_m: tuple[float, float], theta: float) -> bool:
+        return bool(_kernels.is_free(self._boxes, self._car, self._far_m, _FAR_CELL_M, *place_m, theta))
+
+
+def _boxes(scenario: Scenario) -> NDArray[np.float64]:
+    """(B, 6) of everything that is as low as the car."""
+    height_m = scenario.car.height_m
+    rows = [
+        (*s.center_m[:2], math.cos(s.yaw_rad), math.sin(s.yaw_rad), *s.half_m[:2])
+        for s in solids_of(scenario)
+        if s.center_m[2] - s.half_m[2] < height_m
+    ]
+    return np.array(rows, dtype=np.float64)
+
+
+def _far_m(scenario: Scenario, boxes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """To the nearest box from the middle of each cell; saves most of the exact tests."""
+    x = (np.arange(math.ceil(scenario.room.length_x_m / _FAR_CELL_M)) + 0.5) * _FAR_CELL_M
+    y = (np.arange(math.ceil(scenario.room.width_y_m / _FAR_CELL_M)) + 0.5) * _FAR_CELL_M
+    grid_x, grid_y = np.meshgrid(x, y)
+    far = np.full(grid_x.shape, math.inf)
+    for px, py, c, s, hx, hy in boxes:
+        dx, dy = grid_x - px, grid_y - py
+        along = np.maximum(np.abs(c * dx + s * dy) - hx, 0.0)
+        aside = np.maximum(np.abs(-s * dx + c * dy) - hy, 0.0)
+        far = np.minimum(far, np.hypot(along, aside))
+    return far
