@@ -7,6 +7,7 @@ import logging
 import secrets
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +15,10 @@ import numpy as np
 from robot_app.app import RobotApp
 from robot_app.config import RobotConfig, load_config
 from robot_app.drivers.base import DeviceError
+from robot_app.link import OpenLink, open_link
 from robot_app.run import run_robot, stop_on_signals
 from robot_app.service import ServiceManager
-from robot_app.uplink import BUSY
 from shared.command_line import Parser, Refused, port_number, run, seed, set_up_logging
-from shared.link.tcp import TcpServerLink
 from shared.runtime.clock import MonotonicClock
 from tools.simulator.drivers import RealTimePump, SimulatedHardware
 from tools.simulator.scenario import Scenario, find_scenario, scenario_names
@@ -44,7 +44,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--bind", default="127.0.0.1", help="address to listen on (default: this machine only)")
     parser.add_argument("--out", metavar="DIR", type=Path, help="write the ground truth here at the end")
-    parser.add_argument("--port-file", metavar="FILE", type=Path, help="write the port here once the robot is ready")
+    parser.add_argument(
+        "--port-file", metavar="FILE", type=Path, help="write the port here once the robot is ready; 0 without Wi-Fi"
+    )
     parser.add_argument("--until-eof", action="store_true", help="end when standard input ends, as when a parent dies")
     parser.add_argument("--verbose", action="store_true", help="log everything")
     return parser
@@ -54,7 +56,8 @@ def simulate(scenario: Scenario, config: RobotConfig, args: argparse.Namespace, 
     """Run the robot until `stop` is set. The car stops first, then the threads, then the world."""
     clock = MonotonicClock()
     port = config.link.port if args.port is None else args.port
-    link = TcpServerLink(args.bind, port, clock, BUSY)
+    opened = open_link(replace(config, link=replace(config.link, port=port, bind=args.bind)), clock)
+    link = opened.link
     try:
         world = World(scenario, args.seed, start_s=clock.now_s())
         hardware = SimulatedHardware(world, waits=True).hardware
@@ -64,7 +67,7 @@ def simulate(scenario: Scenario, config: RobotConfig, args: argparse.Namespace, 
         pump = RealTimePump(world, clock)
         pump.start()
         try:
-            run_robot(app, clock, stop, ServiceManager(None), lambda: _announce(scenario, link, args))
+            run_robot(app, clock, stop, ServiceManager(None), lambda: _announce(scenario, opened, args))
         finally:
             pump.stop()
         if args.out is not None:
@@ -74,10 +77,10 @@ def simulate(scenario: Scenario, config: RobotConfig, args: argparse.Namespace, 
         link.close()
 
 
-def _announce(scenario: Scenario, link: TcpServerLink, args: argparse.Namespace) -> None:
-    _log.info("ready: %s, seed %d, listening on %s:%d", scenario.name, args.seed, args.bind, link.port)
+def _announce(scenario: Scenario, opened: OpenLink, args: argparse.Namespace) -> None:
+    _log.info("ready: %s, seed %d, listening on %s", scenario.name, args.seed, opened.where)
     if args.port_file is not None:
-        args.port_file.write_text(f"{link.port}\n", "utf-8")
+        args.port_file.write_text(f"{opened.port or 0}\n", "utf-8")
 
 
 def _work(args: argparse.Namespace) -> int:

@@ -14,6 +14,7 @@ import numpy as np
 
 from shared.link.base import ForRadio, Lane, Link, LinkError, LinkHealth, LinkPath, PathChanged
 from shared.link.loopback import LoopbackLink, loopback_pair
+from shared.link.radio_config import alone, beside_wifi
 from shared.runtime.clock import ManualClock
 from tools.simulator.radio.failover_rig import FailoverRig
 from tools.simulator.radio.loss import Independent
@@ -99,7 +100,8 @@ class RadioJoint:
 
     def __init__(self, clock: ManualClock, seed: int, bandwidth_hz: int) -> None:
         self._clock = clock
-        self.rig = PairRig(seed, link_settings(bandwidth_hz), clock=clock)
+        settings = link_settings(bandwidth_hz)
+        self.rig = PairRig(seed, settings, alone(settings), clock=clock)
         self._made = False
 
     @property
@@ -138,7 +140,8 @@ class SwitchJoint:
         self._clock = clock
         self._times = times or CutTimes()
         self._rng = np.random.default_rng(seed + 1_000)
-        self.rig = FailoverRig(seed, settings=link_settings(bandwidth_hz), clock=clock, steps=False)
+        settings = link_settings(bandwidth_hz)
+        self.rig = FailoverRig(seed, beside_wifi(settings), settings=settings, clock=clock, steps=False)
         self.cuts: tuple[Cut, ...] = ()
         self._next_s: float | None = clock.now_s() + self._times.first_s
         self._made = False

@@ -73,6 +73,7 @@ class Witness:
 
     def __init__(self) -> None:
         self.accounts = {side: Account() for side in Side}  # by who sent
+        self._newest: dict[Side, set[bytes]] = {side: set() for side in Side}
         self._meant: dict[Side, defaultdict[bytes, list[Sent]]] = {side: defaultdict(list) for side in Side}
         self._counts = {(side, lane): 0 for side in Side for lane in _RELIABLE}
         self._last = {(side, lane): -1 for side in Side for lane in _ORDERED}
@@ -84,6 +85,7 @@ class Witness:
         account = self.accounts[side]
         if lane not in _RELIABLE:
             account.newest_sent += 1
+            self._newest[side].add(datagram)
             return None
         sent = Sent(lane, self._counts[side, lane], now_s, datagram)
         self._counts[side, lane] += 1
@@ -99,7 +101,7 @@ class Witness:
         """`side` has read it."""
         sender = side.other
         account, meant = self.accounts[sender], self._meant[sender].get(datagram)
-        if meant is None:
+        if meant is None or (meant[-1].came and datagram in self._newest[sender]):  # said on both kinds of lanes
             account.newest_came += 1
             return
         sent = next((s for s in meant if not s.came), meant[-1])  # the same may be said again

@@ -7,15 +7,20 @@ with LiveRadios(link_settings(), seed) as radios:
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import multiprocessing
 from contextlib import ExitStack
+from multiprocessing.connection import Connection
+from typing import Any
 
 import numpy as np
 
 from shared.link.es920lr.settings import RadioSettings
 from shared.runtime.clock import MonotonicClock
 from tools.simulator.devices.es920lr import EmulatedEs920lr
-from tools.simulator.devices.mega_build import build_mega
+from tools.simulator.devices.mega import MegaError
+from tools.simulator.devices.mega_build import MegaUnavailableError, build_mega
 from tools.simulator.devices.mega_radios import MegaRadios
 from tools.simulator.radio.channel import RadioChannel
 from tools.simulator.radio.pair_rig import CHANNELS
@@ -23,6 +28,7 @@ from tools.simulator.radio.ports import PtyRadios
 from tools.simulator.radio.timeline import Timeline
 
 _APART_M = 5.0
+_END_S = 5.0
 
 
 class LiveRadios:
@@ -49,11 +55,6 @@ class LiveRadios:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    @property
-    def packets(self) -> int:
-        """That have been on air so far."""
-        return self._channel.statistics.packets
-
     def pull_plug(self) -> None:
         self.mega.unplug()
 
@@ -76,3 +77,50 @@ class LiveRadios:
         )
         position_m = (0.0, 0.0 if own == 1 else _APART_M)
         return EmulatedEs920lr(self._timeline, self._channel, f"{name} {pair}", flash, position_m)
+
+
+class LiveRadiosProcess:
+    """`LiveRadios` in a process of its own: nobody's computations hold up the air. It ends with its maker."""
+
+    def __init__(self, settings: RadioSettings, seed: int) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(target=_serve, args=(settings, seed, theirs), daemon=True)
+        self._process.start()
+        theirs.close()
+        self.robot_ports, self.station_port = self._answer()
+
+    def __enter__(self) -> LiveRadiosProcess:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._pipe.close()
+        self._process.join(_END_S)
+        self._process.kill()
+
+    def do(self, action: str, *values: int) -> None:
+        """A method of `LiveRadios`."""
+        self._pipe.send((action, values))
+        self._answer()
+
+    def _answer(self) -> Any:
+        """Raises `MegaUnavailableError` or `MegaError` as `LiveRadios` did."""
+        try:
+            said = self._pipe.recv()
+        except EOFError as error:
+            raise MegaError("the emulated radios have ended") from error
+        if isinstance(said, Exception):
+            raise said
+        return said
+
+
+def _serve(settings: RadioSettings, seed: int, pipe: Connection) -> None:
+    try:
+        with LiveRadios(settings, seed) as radios, contextlib.suppress(EOFError):
+            pipe.send((radios.robot_ports, radios.station_port))
+            while True:
+                action, values = pipe.recv()
+                getattr(radios, action)(*values)
+                pipe.send(None)
+    except (MegaError, MegaUnavailableError) as error:
+        pipe.send(error)
