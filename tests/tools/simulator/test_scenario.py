@@ -57,8 +57,9 @@ def _label_near(points: NDArray[np.float64], label: NDArray[np.int32], place: tu
     return int(label[nearest])
 
 
-def test_no_two_things_of_the_lab_stand_in_the_same_place() -> None:
-    solids = solids_of(find_scenario("lab"))
+@pytest.mark.parametrize("name", ["lab", "lab-rearranged", "flat"])
+def test_no_two_things_stand_in_the_same_place(name: str) -> None:
+    solids = solids_of(find_scenario(name))
     for first, second in itertools.combinations(solids, 2):
         of_one_thing = first.name.split("_")[0] == second.name.split("_")[0]
         assert of_one_thing or _overlap_m(first, second) < 1e-6, (first.name, second.name)
@@ -73,6 +74,29 @@ def _overlap_m(first: Solid, second: Solid) -> float:
             a, b = (solid.corners_m() @ np.array([np.cos(axis), np.sin(axis)]) for solid in (first, second))
             overlaps.append(min(a.max(), b.max()) - max(a.min(), b.min()))
     return float(min(overlaps))
+
+
+def test_the_rearranged_lab_is_the_lab_with_its_things_elsewhere() -> None:
+    lab, rearranged = find_scenario("lab"), find_scenario("lab-rearranged")
+    assert rearranged.room == lab.room
+    places = {item.name: item.position_m for item in lab.items}
+    assert len(rearranged.items) >= 25
+    assert all(item.name in places for item in rearranged.items)
+    assert all(np.hypot(*np.subtract(item.position_m, places[item.name])) > 0.1 for item in rearranged.items)
+
+
+def test_the_flat_has_four_rooms_that_hang_together_by_doors_for_the_car_and_by_nothing_wider() -> None:
+    flat = find_scenario("flat")
+    assert flat.room.length_x_m * flat.room.width_y_m == pytest.approx(60.0)
+    surfaces = true_surfaces(flat)
+    xs, ys = np.meshgrid(np.arange(0.02, 10.0, 0.04), np.arange(0.02, 6.0, 0.04))
+    points = np.column_stack((xs.ravel(), ys.ravel()))
+    foot, distance = np.empty_like(points), np.empty(len(points))
+    nearest_on_segments(points, surfaces.segments_m, foot, distance)
+    rooms = ((1.8, 1.2), (7.3, 1.5), (2.0, 4.6), (7.5, 4.5))
+    for radius_m, parts in ((0.36, 1), (0.43, 4)):
+        label = ndimage.label((distance > radius_m).reshape(xs.shape))[0].ravel()
+        assert len({_label_near(points, label, room) for room in rooms}) == parts
 
 
 def test_most_of_the_labs_surface_can_be_seen() -> None:
