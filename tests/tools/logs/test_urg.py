@@ -9,7 +9,7 @@ import pytest
 
 from shared.messages import Observation
 from tools.logs.base import LogError
-from tools.logs.urg import UrgReader, scan_times_s
+from tools.logs.urg import UrgReader, scan_times_s, true_m
 
 _DATA = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "urg04lx"
 
@@ -77,9 +77,17 @@ def test_beams_run_from_right_to_left_and_error_codes_are_none(tmp_path: Path) -
     first, second = list(UrgReader(path))
 
     assert np.isnan(first.ranges_m).all()
-    np.testing.assert_allclose(second.ranges_m, 0.02)
+    np.testing.assert_allclose(second.ranges_m, true_m(np.array(0.02)), rtol=1e-6)
     assert first.geometry.first_angle_rad == pytest.approx(-math.radians(119.7), abs=0.01)
     assert first.geometry.robot_from_scanner.x_m == 0.145
+
+
+def test_the_error_of_the_scanner_is_a_wave_that_keeps_the_order_of_distances() -> None:
+    measured_m = np.linspace(0.02, 5.6, 1000)
+    error_m = measured_m - true_m(measured_m)
+    assert np.abs(error_m).max() < 0.09
+    assert error_m[np.argmin(np.abs(measured_m - 2.83))] == pytest.approx(0.083, abs=1e-3)
+    assert (np.diff(true_m(measured_m)) > 0).all()
 
 
 def test_a_last_line_that_is_cut_is_told(tmp_path: Path) -> None:
