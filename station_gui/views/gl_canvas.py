@@ -19,7 +19,7 @@ from shared.geometry.se2 import Pose2
 from station_gui.mapping.snapshot import MapSnapshot, ObjectKind
 from station_gui.qt import theme
 from station_gui.qt.offscreen_gl import OffscreenGl
-from station_gui.views import scene3d
+from station_gui.views import map3d_surfaces, scene3d
 from station_gui.views.camera import CameraAngles, Fit, fit_box
 from station_gui.views.grid_picture import Extent, GridPicture, colour_table, cropped, make_picture
 from station_gui.views.pose import finite_rows
@@ -59,11 +59,9 @@ class GlCanvas(GLViewMixin, QWidget):  # type: ignore[misc]  # pyqtgraph has no 
         self._trail = _painted(theme.TRAJECTORY, 2.0)
         self._path = _painted(theme.PATH, 2.5)
         self._goal = _lines(theme.GOAL, 2.5)
-        self._robot = gl.GLMeshItem(
-            vertexes=np.zeros((3, 3), np.float32), faces=np.zeros((1, 3), np.uint32), computeNormals=False, smooth=False
-        )
+        self._surfaces, self._robot, self._flat = _mesh_item("opaque"), _mesh_item("opaque"), _mesh_item("translucent")
         lines = (self._floor_grid, self._trail, self._path, self._goal, self._large, self._small)
-        for item in (self._floor, *lines, self._robot):
+        for item in (self._floor, *lines[:3], self._surfaces, *lines[3:], self._robot, self._flat):
             item.setVisible(False)
             self.addItem(item)
         self.reset_camera(None)
@@ -154,6 +152,8 @@ class GlCanvas(GLViewMixin, QWidget):  # type: ignore[misc]  # pyqtgraph has no 
     def show_objects(self, snapshot: MapSnapshot) -> None:
         _set_lines(self._large, scene3d.segments_of(snapshot.objects, ObjectKind.LARGE))
         _set_lines(self._small, scene3d.segments_of(snapshot.objects, ObjectKind.SMALL))
+        _set_mesh(self._surfaces, map3d_surfaces.measured_mesh(snapshot.objects.panels))
+        _set_mesh(self._flat, map3d_surfaces.flat_mesh(snapshot.objects.panels))
 
     def show_trail(self, snapshot: MapSnapshot) -> None:
         places = finite_rows(np.asarray(snapshot.trajectory, np.float64).reshape(-1, 4)[:, 1:3])
@@ -167,10 +167,7 @@ class GlCanvas(GLViewMixin, QWidget):  # type: ignore[misc]  # pyqtgraph has no 
         _set_lines(self._goal, scene3d.goal_mark_m(*goal_m) if goal_m is not None and known else _NO_LINES)
 
     def shape_robot(self, corners_m: NDArray[np.float64]) -> None:
-        mesh = scene3d.robot_mesh(corners_m)
-        self._robot.setMeshData(
-            vertexes=mesh.vertices_m, faces=mesh.faces, faceColors=mesh.colours, computeNormals=False, smooth=False
-        )
+        _shape(self._robot, scene3d.robot_mesh(corners_m))
 
     def place_robot(self, pose: Pose2 | None) -> None:
         self._robot.setVisible(pose is not None)
@@ -235,6 +232,28 @@ class GlCanvas(GLViewMixin, QWidget):  # type: ignore[misc]  # pyqtgraph has no 
             self._broken = True
             _log.error("3D view fails: %s", error, exc_info=error)
             self.failed.emit(str(error))
+
+
+def _mesh_item(options: str) -> gl.GLMeshItem:
+    return gl.GLMeshItem(
+        vertexes=np.zeros((3, 3), np.float32),
+        faces=np.zeros((1, 3), np.uint32),
+        computeNormals=False,
+        smooth=False,
+        glOptions=options,
+    )
+
+
+def _shape(item: gl.GLMeshItem, mesh: scene3d.Mesh) -> None:
+    item.setMeshData(
+        vertexes=mesh.vertices_m, faces=mesh.faces, faceColors=mesh.colours, computeNormals=False, smooth=False
+    )
+
+
+def _set_mesh(item: gl.GLMeshItem, mesh: scene3d.Mesh) -> None:
+    item.setVisible(len(mesh.faces) > 0)
+    if len(mesh.faces):
+        _shape(item, mesh)
 
 
 def _lines(colour: str, width_px: float, mode: str = "lines") -> gl.GLLinePlotItem:

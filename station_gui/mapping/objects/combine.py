@@ -29,7 +29,7 @@ class ObjectCombiner:
     def __init__(self, config: CombineConfig) -> None:
         self._config = config
         self._fitter = LineFitter(config.reference, np.random.default_rng(config.seed))
-        self._builder = ObjectBuilder(config.surface, self._fitter)
+        self._builder = ObjectBuilder(config.surface, config.reference, self._fitter)
         self._edges = FusedEdges(config.fusion, config.camera)
         self._networks = Networks(config.most_networks, config.surface)
         self._map = NO_OBJECTS

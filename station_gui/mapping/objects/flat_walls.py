@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from station_gui.mapping.objects.config import SurfaceConfig
-from station_gui.mapping.objects.dbscan.dbscan import nearest_clusters
+from station_gui.mapping.objects.config import ReferenceConfig, SurfaceConfig
+from station_gui.mapping.objects.dbscan.dbscan import Density, cluster_lines, nearest_clusters
 from station_gui.mapping.objects.ransac.ransac import LineFitter
+from station_gui.mapping.objects.reference import coordinates, directions
 
 FloatArray = NDArray[np.float64]
 
@@ -17,8 +18,9 @@ _LONG = 1 << 20  # tiles along a side of the largest map
 class FlatWalls:
     """Fits lines tile by tile; a tile whose cells are as they were is not fitted again, which changes nothing else."""
 
-    def __init__(self, config: SurfaceConfig, fitter: LineFitter) -> None:
+    def __init__(self, config: SurfaceConfig, reference: ReferenceConfig, fitter: LineFitter) -> None:
         self._config = config
+        self._reference = reference
         self._fitter = fitter
         self._known: dict[int, tuple[bytes, FloatArray]] = {}
 
@@ -31,13 +33,42 @@ class FlatWalls:
         rest_m, tile = rest_m[order], tile[order]
         names, first = np.unique(tile, return_index=True)
         now: dict[int, tuple[bytes, FloatArray]] = {}
-        for name, cells_m in zip(names.tolist(), np.split(rest_m, first[1:]), strict=True):
+        for name, begin, end in zip(names.tolist(), first, np.append(first[1:], len(tile))[: len(first)], strict=True):
+            cells_m = rest_m[begin:end]
             content = cells_m.tobytes()
             known = self._known.get(name)
             now[name] = known if known is not None and known[0] == content else (content, self._fit(cells_m, cell_m))
         self._known = now
         found = [lines for _, lines in now.values()]
-        return np.concatenate(found) if found else np.zeros((0, 2, 2))
+        return _continued(np.concatenate(found), self._reference) if found else np.zeros((0, 2, 2))
 
     def _fit(self, cells_m: FloatArray, cell_m: float) -> FloatArray:
         return self._fitter.fit(cells_m, np.zeros(len(cells_m), np.int64), cell_m)[0]
+
+
+def _continued(lines_m: FloatArray, config: ReferenceConfig) -> FloatArray:
+    """Lines that go on in the next tile are one, unless that would not be straight."""
+    density = Density(config.turn_rad, config.line_reach_m, 1, config.line_offset_weight)
+    labels = cluster_lines(lines_m, np.ones(len(lines_m), np.int64), density)
+    size = np.bincount(labels, minlength=1)
+    found = [lines_m[size[labels] == 1]]
+    for label in np.flatnonzero(size > 1).tolist():
+        parts_m = lines_m[labels == label]
+        whole_m = _through(parts_m)
+        along, _ = directions(whole_m[None])
+        off_m = np.abs(coordinates(parts_m.reshape(-1, 2), whole_m[None], along)[1])
+        found.append(whole_m[None] if off_m.max() <= config.same_m else parts_m)
+    return np.concatenate(found)
+
+
+def _through(parts_m: FloatArray) -> FloatArray:
+    """(2, 2): total least squares through the ends of segments (K, 2, 2), weighted by their lengths."""
+    weight = np.repeat(directions(parts_m)[1], 2)
+    points_m = parts_m.reshape(-1, 2)
+    middle_m = (weight[:, None] * points_m).sum(axis=0) / weight.sum()
+    away = points_m - middle_m
+    xx, xy, yy = (weight * away[:, 0] ** 2).sum(), (weight * away.prod(axis=1)).sum(), (weight * away[:, 1] ** 2).sum()
+    angle = 0.5 * np.arctan2(2 * xy, xx - yy)
+    along = np.array([np.cos(angle), np.sin(angle)])
+    at = away @ along
+    return np.array([middle_m + at.min() * along, middle_m + at.max() * along])

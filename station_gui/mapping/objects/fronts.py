@@ -5,6 +5,7 @@ The 2D map says where a front begins and ends, the edges over it how high it is.
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -110,7 +111,7 @@ class _Line:
         """From one end to the other; neighbours of the same height are one."""
         cuts = self._cuts(join_m)
         found: list[Front] = []
-        for low, high in zip(cuts[:-1], cuts[1:], strict=True):
+        for low, high in itertools.pairwise(cuts):
             if high - low < _SHORTEST_M:
                 continue
             front = self._front(low, high, join_m)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from station_gui.mapping.objects.config import SurfaceConfig
+from station_gui.mapping.objects.config import ReferenceConfig, SurfaceConfig
 from station_gui.mapping.objects.flat_walls import FlatWalls
 from station_gui.mapping.objects.fronts import Front, fronts_of
 from station_gui.mapping.objects.fusing.fused_edges import Edges
@@ -26,9 +26,9 @@ _CORNER_SINE = 0.7  # two level edges that meet so make the corner of a top face
 class ObjectBuilder:
     """A function of what it is given; it only remembers what need not be worked out again."""
 
-    def __init__(self, config: SurfaceConfig, fitter: LineFitter) -> None:
+    def __init__(self, config: SurfaceConfig, reference: ReferenceConfig, fitter: LineFitter) -> None:
         self._config = config
-        self._flat = FlatWalls(config, fitter)
+        self._flat = FlatWalls(config, reference, fitter)
 
     def without_reference(self, edges: Edges) -> ObjectMap:
         """Edges alone, as they were fused."""
