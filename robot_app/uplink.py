@@ -17,6 +17,7 @@ from shared.link.base import ForRadio, Lane, Link, LinkError, LinkPath
 from shared.messages import (
     Ack,
     Command,
+    Drive,
     EmergencyStop,
     Heartbeat,
     Hello,
@@ -62,6 +63,7 @@ class Uplink:
         self._was_connected = False
         self._last_number: int | None = None
         self._stop_number: int | None = None
+        self._order_number: int | None = None
         self._has_radio = link.health.lora is not None
         self._encoder = ObservationEncoder()
         self._budget = Budget(_WANTED_HZ)
@@ -166,7 +168,7 @@ class Uplink:
             return
         step = (number - last) & 0xFFFF_FFFF
         if min(step, (1 << 32) - step) > _NUMBER_JUMP:
-            self._stop_number = None  # its numbers have nothing to do with the last station's
+            self._order_number = self._stop_number = None  # its numbers have nothing to do with the last station's
             changed_hands()
 
     def _answer(self, message: NumberedCommand, handle: Handler) -> None:
@@ -184,8 +186,11 @@ class Uplink:
         """An order that was given before a stop and comes after it is not carried out."""
         if isinstance(message.command, Stop | EmergencyStop):
             self._stop_number = message.number
-        elif self._stop_number is not None and (self._stop_number - message.number) & 0xFFFF_FFFF < _NUMBER_JUMP:
+        elif _is_before(message.number, self._stop_number):
             return Ack(message.number, False, "it is older than the last stop")
+        elif isinstance(message.command, Drive) and _is_before(message.number, self._order_number):
+            return Ack(message.number, False, "it is older than the last order")
+        self._order_number = message.number
         accepted, reason = handle(message.command)
         return Ack(message.number, accepted, reason)
 
@@ -200,6 +205,11 @@ class Uplink:
             return self._link.connected and self._link.send(datagram, lane, 0, for_radio)
         except LinkError:
             return False
+
+
+def _is_before(number: int, other: int | None) -> bool:
+    """Whether a command was given before another one of the same station."""
+    return other is not None and (other - number) & 0xFFFF_FFFF < _NUMBER_JUMP
 
 
 def _for_radio(encoded: EncodedObservation) -> ForRadio | None:

@@ -1,13 +1,34 @@
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 import pytest
 
 from robot_app.uplink import Uplink
+from shared.link.base import ForRadio, Lane, LinkHealth, LinkPath, LinkStatistics, PathChanged
 from shared.link.loopback import LoopbackLink, loopback_pair
-from shared.messages import Ack, Command, EmergencyStop, Heartbeat, Hello, NumberedCommand, Start, Stop
+from shared.messages import (
+    Ack,
+    Command,
+    Drive,
+    EmergencyStop,
+    GoTo,
+    Heartbeat,
+    Hello,
+    KeyframeWanted,
+    MissionState,
+    NumberedCommand,
+    Observation,
+    Pulse,
+    Start,
+    Stop,
+    Telemetry,
+)
 from shared.protocol.codec import Decoder, encode
+from shared.protocol.observations import MessageDecoder
 from tests.shared import samples
+from tools.fuzz.room_drive import drive
 
 HELLO = Hello("r", "0", ((0.0, 0.0),), 0.5)
 
@@ -111,6 +132,123 @@ def test_another_station_is_noticed_and_the_same_one_is_not(robot: Robot) -> Non
         robot.station.send(encode(NumberedCommand(number, Heartbeat())))
     robot.tick()
     assert robot.changed_hands == 1
+
+
+class Radio:
+    """A link over LoRa, or beside it: remembers what it was given."""
+
+    mends_itself = connected = has_room = True
+
+    def __init__(self) -> None:
+        self.statistics = LinkStatistics()
+        self.events: deque[PathChanged] = deque(maxlen=1)
+        self.path = LinkPath.RADIO
+        self.health = LinkHealth(wifi=False, lora=True)
+        self.resets = 0
+        self.sent: list[tuple[Lane, bytes, bytes | None]] = []
+        self.incoming: deque[bytes] = deque()
+
+    def send(self, datagram: bytes, lane: Lane = Lane.BULK, slot: int = 0, for_radio: ForRadio | None = None) -> bool:
+        self.sent.append((lane, datagram, None if for_radio is None else for_radio()))
+        return True
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        return self.incoming.popleft() if self.incoming else None
+
+    def close(self) -> None: ...
+
+    def on(self, lane: Lane) -> list[tuple[bytes, bytes | None]]:
+        found = [(whole, short) for where, whole, short in self.sent if where is lane]
+        self.sent = [s for s in self.sent if s[0] is not lane]
+        return found
+
+
+@pytest.fixture
+def radio() -> Radio:
+    return Radio()
+
+
+@pytest.fixture
+def on_lora(radio: Radio) -> Uplink:
+    return Uplink(radio, HELLO)
+
+
+def test_over_lora_a_pulse_a_second_stands_for_the_telemetry(radio: Radio, on_lora: Uplink) -> None:
+    for i in range(50):
+        on_lora.report(samples.telemetry(stamp_s=i / 5))
+    pulses = [short for _, short in radio.on(Lane.NEWEST)]
+    assert len(pulses) == 10
+    assert all(isinstance(Decoder().decode(short or b""), Pulse) for short in pulses)
+
+
+def test_what_changes_in_the_telemetry_goes_whole_and_for_certain(radio: Radio, on_lora: Uplink) -> None:
+    for i in range(50):
+        state = MissionState.OBSERVE if i < 20 else MissionState.COMMAND
+        on_lora.report(samples.telemetry(stamp_s=i / 5, state=state))
+    told = [Decoder().decode(whole) for whole, _ in radio.on(Lane.COMMAND)]
+    assert [t.state for t in told if isinstance(t, Telemetry)] == [MissionState.OBSERVE, MissionState.COMMAND]
+
+
+def test_beside_wifi_all_telemetry_goes_there_and_a_pulse_keeps_lora_warm(radio: Radio, on_lora: Uplink) -> None:
+    radio.path = LinkPath.WIFI
+    for i in range(50):
+        on_lora.report(samples.telemetry(stamp_s=i / 5))
+    sent = radio.on(Lane.NEWEST)
+    assert len(sent) == 50
+    assert sum(short is not None for _, short in sent) == 10
+
+
+def test_observations_carry_their_compact_form_and_begin_anew_with_the_other_side(
+    radio: Radio, on_lora: Uplink, rng: np.random.Generator
+) -> None:
+    decoder = MessageDecoder(compact=True)
+    for i, observation in enumerate(drive(8, rng)):
+        if i == 4:
+            radio.resets += 1
+            decoder = MessageDecoder(compact=True)
+        on_lora.greet(i / 10)
+        assert on_lora.observe(observation, i / 10)
+        ((_, compact),) = radio.on(Lane.BULK)
+        received = decoder.decode(compact or b"")
+        assert received is not None
+        assert isinstance(received.message, Observation)
+
+
+def test_a_keyframe_is_sent_when_it_is_wanted_but_not_again_and_again(
+    radio: Radio, on_lora: Uplink, rng: np.random.Generator
+) -> None:
+    keyframes = 0
+    on_lora.greet(0.0)
+    for i, observation in enumerate(drive(30, rng)):
+        if i >= 10:
+            radio.incoming.append(encode(KeyframeWanted()))
+        on_lora.receive(lambda _: (True, ""), lambda: None, lambda: None)
+        on_lora.observe(observation, i / 10)
+        ((_, compact),) = radio.on(Lane.BULK)
+        keyframes += MessageDecoder(compact=True).decode(compact or b"") is not None
+    assert keyframes == 3
+
+
+def test_a_wish_for_a_keyframe_is_no_sign_of_an_operator(radio: Radio, on_lora: Uplink) -> None:
+    heard: list[bool] = []
+    radio.incoming.append(encode(KeyframeWanted()))
+    on_lora.receive(lambda _: (True, ""), lambda: heard.append(True), lambda: None)
+    assert not heard
+
+
+def test_without_room_no_observation_is_encoded(radio: Radio, on_lora: Uplink, rng: np.random.Generator) -> None:
+    radio.has_room = False
+    assert not on_lora.observe(drive(1, rng)[0], 0.0)
+    assert not radio.sent
+
+
+def test_a_hand_on_the_wheel_that_a_later_order_has_overtaken_is_refused(robot: Robot) -> None:
+    path = np.zeros((2, 3), np.float32)
+    for number, command in ((10, Drive(0.1, 0.0)), (12, GoTo(1, path)), (11, Drive(0.0, 0.0))):
+        robot.station.send(encode(NumberedCommand(number, command)))
+    robot.tick()
+    assert [type(c) for c in robot.handled] == [Drive, GoTo]
+    assert robot.answers()[-1] == Ack(11, False, "it is older than the last order")
 
 
 def test_an_order_that_is_older_than_the_last_stop_is_refused(robot: Robot) -> None:
