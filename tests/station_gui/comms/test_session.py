@@ -2,20 +2,24 @@ from __future__ import annotations
 
 import dataclasses
 import zlib
+from collections import deque
 
 import numpy as np
 import pytest
 
-from shared.link.base import Link, LinkError
+from shared.link.base import ForRadio, Lane, Link, LinkError, LinkHealth, LinkPath, LinkStatistics, PathChanged
 from shared.link.loopback import LoopbackLink, loopback_pair
 from shared.messages import (
     Ack,
+    Command,
     Drive,
     EmergencyStop,
     GoTo,
     Heartbeat,
     Hello,
+    KeyframeWanted,
     NumberedCommand,
+    Observation,
     Refusal,
     Report,
     Start,
@@ -23,11 +27,12 @@ from shared.messages import (
     Telemetry,
 )
 from shared.protocol.codec import Decoder, encode
-from shared.protocol.observations import Received
+from shared.protocol.observations import ObservationEncoder, Received
 from shared.runtime.clock import ManualClock
 from station_gui.comms.session import Session, SessionConfig
 from station_gui.comms.state import LinkState, Severity
 from tests.shared import samples
+from tools.fuzz.room_drive import drive
 
 
 @dataclasses.dataclass
@@ -360,3 +365,135 @@ def test_a_word_from_a_link_that_was_let_go_does_not_count(session: Session, rob
     session.disconnect()
     session._heard()
     assert session.state is LinkState.DISCONNECTED
+
+
+class OverLora:
+    """A link that mends itself; what was sent, by lane."""
+
+    mends_itself = True
+
+    def __init__(self) -> None:
+        self.statistics = LinkStatistics()
+        self.events: deque[PathChanged] = deque()
+        self.path = LinkPath.RADIO
+        self.health = LinkHealth(wifi=False, lora=True, is_secret=True)
+        self.connected = self.has_room = True
+        self.resets = 0
+        self.closed = False
+        self.sent: list[tuple[Lane, int, NumberedCommand | KeyframeWanted]] = []
+        self.incoming: deque[bytes | LinkError] = deque()
+
+    def send(self, datagram: bytes, lane: Lane = Lane.BULK, slot: int = 0, for_radio: ForRadio | None = None) -> bool:
+        message = Decoder().decode(datagram if for_radio is None else for_radio())
+        assert isinstance(message, NumberedCommand | KeyframeWanted)
+        self.sent.append((lane, slot, message))
+        return True
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        if not self.incoming:
+            return None
+        first = self.incoming.popleft()
+        if isinstance(first, LinkError):
+            raise first
+        return first
+
+    def close(self) -> None:
+        self.closed = True
+
+    def on(self, lane: Lane) -> list[Command]:
+        return [m.command for where, _, m in self.sent if where is lane and isinstance(m, NumberedCommand)]
+
+
+@pytest.fixture
+def lora() -> OverLora:
+    return OverLora()
+
+
+@pytest.fixture
+def over_lora(clock: ManualClock, heard: Heard, lora: OverLora) -> Session:
+    session = Session(SessionConfig(), clock, heard, first_number=100)
+    session.connect(lambda: lora)
+    lora.incoming.append(encode(HELLO))
+    session.step()
+    return session
+
+
+def test_each_command_takes_the_lane_that_it_needs(over_lora: Session, lora: OverLora, clock: ManualClock) -> None:
+    for command in (Start(), Drive(0.1, 0.0), Drive(0.2, 0.0)):
+        over_lora.send(command)
+    run(over_lora, clock, 0.5)
+    over_lora.send(EmergencyStop())
+    over_lora.step()
+    assert lora.on(Lane.COMMAND) == [Start()]
+    assert lora.on(Lane.NOW) == [EmergencyStop()]
+    newest = lora.on(Lane.NEWEST)
+    assert [c for c in newest if isinstance(c, Drive)] == [Drive(0.2, 0.0)], "only the newest turn of the wheel counts"
+    assert any(isinstance(c, Heartbeat) for c in newest)
+
+
+def test_over_lora_a_path_has_few_points_and_keeps_its_cusp(over_lora: Session, lora: OverLora) -> None:
+    x = np.concatenate((np.linspace(0, 1, 26), np.linspace(0.96, 0.5, 12)))
+    path = np.stack((x, np.zeros_like(x), np.zeros_like(x)), axis=1).astype(np.float32)
+    over_lora.send(GoTo(1, path))
+    over_lora.step()
+    (sent,) = lora.on(Lane.COMMAND)
+    assert isinstance(sent, GoTo)
+    assert len(sent.path) < 22
+    assert float(sent.path[:, 0].max()) == pytest.approx(1.0, abs=0.002)
+    np.testing.assert_allclose(sent.path[-1], path[-1], atol=0.002)
+    assert float(np.abs(np.diff(sent.path[:, 0])).max()) <= 0.102
+
+
+def test_lora_repeats_by_itself_so_the_session_waits_longer(
+    over_lora: Session, lora: OverLora, clock: ManualClock
+) -> None:
+    over_lora.send(Start())
+    run(over_lora, clock, 1.9)
+    assert len(lora.on(Lane.COMMAND)) == 1
+
+
+def test_a_link_that_mends_itself_is_kept_when_it_is_lost(
+    over_lora: Session, lora: OverLora, heard: Heard, clock: ManualClock
+) -> None:
+    lora.incoming.append(LinkError("neither Wi-Fi nor LoRa reaches the other side any more"))
+    over_lora.step()
+    assert over_lora.state is LinkState.LOST
+    assert over_lora.send(EmergencyStop()), "a stop waits for it"
+    run(over_lora, clock, 20.0)
+    assert not lora.closed
+    assert sum("lost" in e for e in heard.events) == 1
+    lora.incoming.append(encode(HELLO))
+    over_lora.step()
+    assert over_lora.state is LinkState.CONNECTED
+    assert EmergencyStop() in lora.on(Lane.NOW)
+
+
+def test_silence_over_lora_is_told_once_and_later(over_lora: Session, heard: Heard, clock: ManualClock) -> None:
+    run(over_lora, clock, 3.0)
+    assert over_lora.state is LinkState.CONNECTED
+    run(over_lora, clock, 10.0)
+    assert over_lora.state is LinkState.LOST
+    assert sum("no word from the robot" in e for e in heard.events) == 1
+
+
+def test_changes_of_the_path_are_told(over_lora: Session, lora: OverLora, heard: Heard) -> None:
+    lora.events.append(PathChanged(1.0, LinkPath.WIFI, "Wi-Fi: it is steadily there; using Wi-Fi"))
+    over_lora.step()
+    assert heard.events[-1] == "Wi-Fi: it is steadily there; using Wi-Fi"
+    assert over_lora.path is LinkPath.RADIO
+
+
+def test_observations_that_cannot_be_followed_make_it_want_a_keyframe(
+    over_lora: Session, lora: OverLora, heard: Heard, clock: ManualClock, rng: np.random.Generator
+) -> None:
+    encoder = ObservationEncoder()
+    _, second, third = (encoder.encode(o).compact or b"" for o in drive(3, rng))
+    lora.incoming.extend((second, third))
+    run(over_lora, clock, 1.0)
+    wanted = [m for _, _, m in lora.sent if isinstance(m, KeyframeWanted)]
+    assert len(wanted) == 1
+    encoder.reset()
+    lora.incoming.append(encoder.encode(drive(4, rng)[3]).compact or b"")
+    run(over_lora, clock, 5.0)
+    assert len([m for _, _, m in lora.sent if isinstance(m, KeyframeWanted)]) == 1
+    assert isinstance(heard.reports[-1], Observation)
