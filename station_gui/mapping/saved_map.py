@@ -1,8 +1,8 @@
 """A map in one file: what any SLAM method needs to go on from it.
 
 Layout, little-endian: magic, version, counts of nodes, edges, keyframes and points, the step of the coordinates, a
-zlib stream of the arrays in the order of `encode`, and the CRC-32 of all that. Points are whole steps, each the
-difference from the one before; a normal is its angle. Every size follows from the counts.
+zlib stream of the arrays in the order of `encode`, and the CRC-32 of all that. Version 1 has no pieces. Points are
+whole steps, each the difference from the one before; a normal is its angle. Every size follows from the counts.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from station_gui.mapping.slam2d.keyframes import Keyframe
 from station_gui.mapping.slam2d.se2_arrays import compose_all
 
 SUFFIX = ".labmap"
-_MAGIC, _VERSION = b"LABMAP\r\n", 1
+_MAGIC, _VERSION = b"LABMAP\r\n", 2
+_FIRST_WITH_PIECES = 2  # older files hold one piece
 _HEADER = struct.Struct("<8sI4Id")
 _CHECKSUM = struct.Struct("<I")
 _MAX_NODES, _MAX_EDGES, _MAX_KEYFRAMES, _MAX_POINTS = 200_000, 1_000_000, 200_000, 40_000_000
@@ -50,7 +51,8 @@ class MapFileError(MappingError):
 class SavedMap:
     """A pose graph and the scans that hang on it, of no particular method.
 
-    `nodes`: (N, 3), map frame. Edges: `ends` (E, 2), `measured` (E, 3) and `information` (E, 3, 3) in the frame of
+    `nodes`: (N, 3), map frame; `pieces`: (N,), 0 for the map itself, others for what has not been joined to it: where
+    those lie is not known. Edges: `ends` (E, 2), `measured` (E, 3) and `information` (E, 3, 3) in the frame of
     the first node, `robust` (E,) for closures, `length_m` (E,) the way that an edge's drift is worth.
     """
 
@@ -61,6 +63,7 @@ class SavedMap:
     robust: NDArray[np.bool_]
     length_m: FloatArray
     keyframes: tuple[Keyframe, ...]
+    pieces: NDArray[np.int32]
 
     def keyframe_nodes(self) -> NDArray[np.int32]:
         """(K,)"""
@@ -143,6 +146,7 @@ def encode(saved: SavedMap) -> bytes:
         np.array([len(keyframe.points_m) for keyframe in keyframes], "<i4"),
         np.diff(steps, axis=0, prepend=np.zeros((1, 2), np.int16)).astype("<i2"),
         _angles_of(normals).astype("<u2"),
+        saved.pieces.astype("<i4"),
     )
     body = zlib.compress(b"".join(array.tobytes() for array in arrays), 6)
     data = _HEADER.pack(_MAGIC, _VERSION, *counts, step_m) + body
@@ -154,13 +158,15 @@ def decode(data: bytes) -> SavedMap:
     if len(data) < _HEADER.size + _CHECKSUM.size or not data.startswith(_MAGIC):
         raise MapFileError("is not a saved map; choose a file that the station saved")
     _, version, nodes, edges, keyframes, points, step_m = _HEADER.unpack_from(data)
-    if version != _VERSION:
-        raise MapFileError(f"is of version {version} and this program reads {_VERSION}: use the program that saved it")
+    if not 1 <= version <= _VERSION:
+        raise MapFileError(f"is of version {version} and this program reads up to {_VERSION}: use a newer program")
     if zlib.crc32(data[: -_CHECKSUM.size]) != _CHECKSUM.unpack(data[-_CHECKSUM.size :])[0]:
         raise MapFileError("is damaged or cut short; use another copy of it")
     if not _in_bounds((nodes, edges, keyframes, points)) or not _FINEST_STEP_M <= step_m <= _COARSEST_STEP_M:
         raise MapFileError("its counts cannot be; use another copy of it")
-    saved = _Body(data[_HEADER.size : -_CHECKSUM.size], nodes, edges, keyframes, points).saved_map(step_m)
+    body = data[_HEADER.size : -_CHECKSUM.size]
+    with_pieces = version >= _FIRST_WITH_PIECES
+    saved = _Body(body, nodes, edges, keyframes, points, with_pieces=with_pieces).saved_map(step_m)
     _check(saved)
     return saved
 
@@ -168,9 +174,17 @@ def decode(data: bytes) -> SavedMap:
 class _Body:
     """The arrays, one after the other."""
 
-    def __init__(self, packed: bytes, nodes: int, edges: int, keyframes: int, points: int) -> None:
+    def __init__(
+        self, packed: bytes, nodes: int, edges: int, keyframes: int, points: int, *, with_pieces: bool
+    ) -> None:
         self._counts = (nodes, edges, keyframes, points)
-        size = 24 * nodes + (8 + 24 + 48 + 1 + 8) * edges + (8 + 4 + 24 + 16 + 4) * keyframes + 6 * points
+        self._with_pieces = with_pieces
+        size = (
+            (28 if with_pieces else 24) * nodes
+            + (8 + 24 + 48 + 1 + 8) * edges
+            + (8 + 4 + 24 + 16 + 4) * keyframes
+            + 6 * points
+        )
         unpacker = zlib.decompressobj()
         try:
             self._data = unpacker.decompress(packed, size + 1)
@@ -211,7 +225,8 @@ class _Body:
             )
             for k in range(keyframes)
         )  # fmt: skip
-        return SavedMap(poses, ends, measured, information, robust, length_m, made)
+        pieces = self._take("<i4", nodes).astype(np.int32) if self._with_pieces else np.zeros(nodes, np.int32)
+        return SavedMap(poses, ends, measured, information, robust, length_m, made, pieces)
 
 
 def _in_bounds(counts: tuple[int, int, int, int]) -> bool:
@@ -234,6 +249,8 @@ def _check(saved: SavedMap) -> None:
     of_node = saved.keyframe_nodes()
     if of_node.min() < 0 or of_node.max() >= len(saved.nodes) or (np.diff(of_node) < 0).any():
         raise MapFileError("its scans name nodes that are not there; use another copy of it")
+    if saved.pieces.min() < 0 or saved.pieces.max() >= len(saved.nodes):
+        raise MapFileError("its pieces have numbers that cannot be; use another copy of it")
     ends = saved.ends
     if len(ends) and (ends.min() < 0 or ends.max() >= len(saved.nodes) or (ends[:, 0] == ends[:, 1]).any()):
         raise MapFileError("its graph names nodes that are not there; use another copy of it")

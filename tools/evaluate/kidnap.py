@@ -1,8 +1,9 @@
 """`evaluate kidnap`: is a robot that was put down anywhere in a saved map found, and found rightly?
 
 The lab's mission makes the map, which is saved and opened again by the station's own commands. In every trial a robot
-stands somewhere, and goes along the walls when it has not been found by then. The first place that the station claims
-is compared with the truth. In a room that is not in the map the robot must stay lost. The command fails where a place
+stands somewhere, and goes along the walls when it has not been found by then. The first place in the map that the
+station claims is compared with the truth. In a room that is not in the map none may be claimed: the robot stays lost,
+or begins a piece of map that is apart. The command fails where a place
 is claimed wrongly, or where fewer than 95 of 100 robots are found.
 """
 
@@ -27,7 +28,7 @@ from shared.command_line import EXIT_FAILED, EXIT_OK, Refused, seed
 from shared.geometry.se2 import Pose2, interpolate, wrap_angle
 from station_gui.config import StationConfig
 from station_gui.config import load_config as load_station
-from station_gui.mapping.snapshot import MapSnapshot
+from station_gui.mapping.snapshot import MapSnapshot, Tracking
 from tools.director import Director
 from tools.evaluate.map_error import align
 from tools.simulator.lockstep import Lockstep, Orders
@@ -198,7 +199,7 @@ def _settle_at_home(system: Lockstep) -> bool:
     while system.clock.now_s() < until_s:
         system.run(_SLICE_S)
         snapshot = system.station.view().snapshot
-        if snapshot is not None and snapshot.located:
+        if snapshot is not None and snapshot.tracking is Tracking.LOCATED:
             return True
     return False
 
@@ -212,7 +213,7 @@ def _look_for_it(system: Lockstep, setup: Setup, number: int, *, in_map: bool) -
     while (waited_s := system.clock.now_s() - began_s) < setup.time_s and not system.failures:
         system.run(_SLICE_S)
         snapshot = system.station.view().snapshot
-        if snapshot is not None and snapshot.located:
+        if snapshot is not None and snapshot.tracking is Tracking.LOCATED:
             return _judged(system.world, setup, number, snapshot, waited_s, in_map=in_map)
         if waited_s > _STAND_S and not started:
             started = True

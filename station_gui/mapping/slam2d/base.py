@@ -75,11 +75,27 @@ class StoredSlam(Slam, Protocol):
         """As `add`, for a robot that somebody else has found to be at this place of the map."""
         ...
 
-    def join(self, scan: PointScan, map_from_robot: Pose2, first: int) -> Pose2:
-        """As `resume`, where the keyframes from `first` on are a piece that hangs on the rest by odometry alone.
+    def begin_piece(self, scan: PointScan, map_from_robot: Pose2) -> Pose2:
+        """As `resume`, for a robot whose place is not known: what comes now is a piece of map that is apart.
+
+        `map_from_robot`: where the piece is drawn until it has been joined.
+        """
+        ...
+
+    def join(self, scan: PointScan, map_from_robot: Pose2) -> Pose2:
+        """As `resume`, where the robot is in a piece that is apart.
 
         A method that can moves the piece to where it belongs.
         """
+        ...
+
+    @property
+    def apart(self) -> bool:
+        """The robot is in a piece of map that has not been joined to the rest."""
+        ...
+
+    def keyframe_pieces(self) -> NDArray[np.int32]:
+        """(K,): which piece each keyframe is in; 0 for the map itself."""
         ...
 
     @property

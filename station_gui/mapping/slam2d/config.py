@@ -139,6 +139,8 @@ class PoseGraphConfig:
     misfit_ratio: float = 10.0  # wider by so much for each share of points that did not fit on its way: there it drifts
     lost_shift_sigma_m: float = 0.3
     lost_turn_sigma_rad: float = math.radians(10.0)
+    unknown_shift_sigma_m: float = 1e3  # of an edge to a piece that may be anywhere
+    unknown_turn_sigma_rad: float = 1e2
     found_shift_sigma_m: float = 0.03  # of an edge to a place where a lost robot was found
     found_turn_sigma_rad: float = math.radians(1.0)
     switch_chi2: float = 12.0  # a closure whose error is above this loses weight (dynamic covariance scaling);

@@ -28,8 +28,9 @@ from station_gui.mapping.slam2d.lines import lines_of
 from station_gui.mapping.slam2d.local_map_builder import LocalMapBuilder
 from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, Match, ScanMatcher
 from station_gui.mapping.slam2d.motion import MotionModel, Prediction
+from station_gui.mapping.slam2d.pieces import Pieces
 from station_gui.mapping.slam2d.rehearsal import rehearse
-from station_gui.mapping.slam2d.se2_arrays import between, compose
+from station_gui.mapping.slam2d.se2_arrays import between, compose, compose_all
 from station_gui.mapping.snapshot import GridMap
 
 
@@ -42,6 +43,7 @@ class GraphSlam:
         self._matcher = ScanMatcher(config.match, config.local_map.reach_cells, config.local_map.cell_m)
         self._local = LocalMapBuilder(config.local_map)
         self._graph = PoseGraph(config.pose_graph)
+        self._pieces = Pieces()
         self._grid = FollowingGrid(config.grid)
         self._scans = Placed()
         self._keyframes: list[Keyframe] = []
@@ -78,6 +80,7 @@ class GraphSlam:
     def load(self, saved: SavedMap) -> None:
         """Begin with this map; the next scan has to come by `resume`."""
         fill(self._graph, saved)
+        self._pieces.load(saved.pieces)
         self._by_node.extend([] for _ in range(len(saved.nodes)))
         for keyframe in saved.keyframes:
             self._keyframes.append(keyframe)
@@ -89,7 +92,7 @@ class GraphSlam:
 
     def saved(self) -> SavedMap:
         """The map as it is believed now."""
-        return to_saved(self._graph, self._keyframes)
+        return to_saved(self._graph, self._keyframes, self._pieces.of_node)
 
     @property
     def fit(self) -> float:
@@ -120,6 +123,7 @@ class GraphSlam:
         pose = map_from_robot.as_array()
         away_m = np.hypot(*(self._graph.poses[:, :2] - pose[:2]).T)
         near = int(np.argmin(away_m))
+        self._pieces.go_to(near)
         self._pose = pose
         self._node = self._append_node(pose)
         information = self._found_information()
@@ -133,30 +137,45 @@ class GraphSlam:
         self._add_keyframe(scan, lines)
         return self._added(scan)
 
-    def join(self, scan: PointScan, map_from_robot: Pose2, first: int) -> Pose2:
-        """As `resume`, of a robot followed in a piece that begins with keyframe `first`: the piece comes along."""
-        if self._lost_scans or len(self._keyframes) <= first:  # the piece ended somewhere else
+    def begin_piece(self, scan: PointScan, map_from_robot: Pose2) -> Pose2:
+        """See `StoredSlam`. What holds it in the graph is so loose that it moves nothing."""
+        config, lines = self._config.pose_graph, lines_of(scan, self._config.normals)
+        before, self._pose = self._node, map_from_robot.as_array()
+        self._pieces.begin()
+        self._node = self._append_node(self._pose)
+        measured = between(self._graph.poses[before], self._pose)
+        self._add_loose_edge(before, measured, config.unknown_shift_sigma_m, config.unknown_turn_sigma_rad)
+        self._begin_window(scan, lines)
+        return self._added(scan)
+
+    def join(self, scan: PointScan, map_from_robot: Pose2) -> Pose2:
+        """As `resume`, of a robot followed in a piece that is apart: the piece moves to where it belongs."""
+        if self._lost_scans == 0:
+            self.add(scan)
+        if self._lost_scans:  # what is seen now is not of the piece
             return self.resume(scan, map_from_robot)
-        self.add(scan)
-        found, piece = map_from_robot.as_array(), self._keyframes[first].node
-        away_m = np.hypot(*(self._graph.poses[:piece, :2] - found[:2]).T)
+        while self._graph.optimising:  # it knows nothing of the move
+            self._upkeep.step()
+        found, ours = map_from_robot.as_array(), self._pieces.in_current
+        new_from_old = compose(found, between(self._map_pose(), np.zeros(3)))
+        self._graph.poses[ours] = compose_all(np.tile(new_from_old, (int(ours.sum()), 1)), self._graph.poses[ours])
+        away_m = np.where(ours, np.inf, np.hypot(*(self._graph.poses[:, :2] - found[:2]).T))
         old = int(np.argmin(away_m))
-        node_at = compose(found, between(self._pose_in_node(), np.zeros(3)))
-        measured = between(self._graph.poses[old], node_at)
+        measured = between(self._graph.poses[old], self._graph.poses[self._node])
         way_m = max(float(away_m[old]), 0.1)
         self._graph.add_edge(old, self._node, measured, self._found_information(), way_m, robust=False)
         self._upkeep.closed.append((old, self._node))
-        self._settle()
+        self._pieces.join(old, self._node)
+        self._graph.begin_optimisation()
+        self._note_revision()
         return Pose2.from_array(self._map_pose())
 
-    def _settle(self) -> None:
-        """One optimisation, at once, with all edges."""
-        for begin in (False, True):
-            if begin:
-                self._graph.begin_optimisation()
-            while self._graph.optimising:
-                if self._upkeep.step():
-                    self._note_revision()
+    @property
+    def apart(self) -> bool:
+        return self._pieces.apart
+
+    def keyframe_pieces(self) -> NDArray[np.int32]:
+        return self._pieces.of_node[self._keyframe_places.nodes]
 
     def _found_information(self) -> NDArray[np.float64]:
         config = self._config.pose_graph
@@ -296,14 +315,23 @@ class GraphSlam:
 
     def _start_over(self, scan: PointScan, lines: LineScan) -> None:
         """Lost for good: a new piece of map, held to the old one by odometry until a loop joins them."""
-        config = self._config
+        config = self._config.pose_graph
         measured = self._pose_in_node()
-        shift, turn = config.pose_graph.lost_shift_sigma_m, config.pose_graph.lost_turn_sigma_rad
         before = self._node
+        if self._keyframes:
+            self._pieces.begin()
         self._new_node()
-        information = np.diag(1.0 / np.square([shift, shift, turn]))
-        apart_m = 2 * config.local_map.graph_reach_m  # so that the old piece stays out of the local map
+        self._add_loose_edge(before, measured, config.lost_shift_sigma_m, config.lost_turn_sigma_rad)
+        self._begin_window(scan, lines)
+
+    def _add_loose_edge(self, before: int, measured: NDArray[np.float64], shift_m: float, turn_rad: float) -> None:
+        """To the newest node, which is the first of a piece; `shift_m`, `turn_rad`: standard deviations."""
+        information = np.diag(1.0 / np.square([shift_m, shift_m, turn_rad]))
+        apart_m = 2 * self._config.local_map.graph_reach_m  # so that the old piece stays out of the local map
         self._graph.add_edge(before, self._node, measured, information, apart_m, robust=False)
+
+    def _begin_window(self, scan: PointScan, lines: LineScan) -> None:
+        """Of a piece that begins with this scan."""
         self._renew_window()
         self._lost_scans = 0
         self._add_keyframe(scan, lines)
@@ -330,6 +358,7 @@ class GraphSlam:
         self._node_turn_rad = 0.0
         self._node_misfit = 0.0
         self._node_scans = 0
+        self._pieces.add_node()
         return self._graph.add_node(pose)
 
     def _is_keyframe(self, points: int) -> bool:
@@ -359,9 +388,11 @@ class GraphSlam:
 
     def _work(self) -> None:
         """A bounded share of what is put off: loops and their optimisation, some scans of the next window."""
-        busy = self._upkeep.busy
+        busy, closures = self._upkeep.busy, len(self._upkeep.closed)
         if self._upkeep.step():
             self._note_revision()
+        for pair in self._upkeep.closed[closures:]:
+            self._pieces.join(*pair)
         if not self._local.building and self._since_rebuild_m > self._config.local_map.rebuild_distance_m:
             self._since_rebuild_m = 0.0
             self._local.begin(self._graph, self._by_node, self._node, self._map_pose())

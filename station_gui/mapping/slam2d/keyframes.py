@@ -50,6 +50,11 @@ class Placed:
     def node_of(self, index: int) -> int:
         return int(self._node[: self._count][index])
 
+    @property
+    def nodes(self) -> NDArray[np.int32]:
+        """(len(self),); a view."""
+        return self._node[: self._count]
+
     def in_node(self, index: int) -> NDArray[np.float64]:
         return np.asarray(self._in_node[: self._count][index])
 

@@ -40,6 +40,7 @@ def saved() -> SavedMap:
         robust=np.array([False, False, True]),
         length_m=np.array([1.0, 1.1, 0.5]),
         keyframes=(_keyframe(0, 1), _keyframe(0, 2), _keyframe(1, 3), _keyframe(1, 4, points=0), _keyframe(2, 5)),
+        pieces=np.array([0, 0, 1], np.int32),
     )
 
 
@@ -60,7 +61,7 @@ def test_a_map_comes_back_as_it_was_saved(saved: SavedMap, tmp_path: Path) -> No
     write_map(saved, path)
     read = read_map(path)
 
-    for name in ("nodes", "ends", "measured", "information", "robust", "length_m"):
+    for name in ("nodes", "ends", "measured", "information", "robust", "length_m", "pieces"):
         np.testing.assert_array_equal(getattr(read, name), getattr(saved, name))
     for before, after in zip(saved.keyframes, read.keyframes, strict=True):
         assert (after.stamp_s, after.node) == (before.stamp_s, before.node)
@@ -146,11 +147,14 @@ def test_a_body_that_unpacks_to_more_than_its_counts_is_refused(saved: SavedMap)
         (379, struct.pack("<i", 2), "scans name nodes"),
         (599, struct.pack("<i", -40), "do not add up"),
         (599, struct.pack("<i", 41), "do not add up"),
+        (-4, struct.pack("<i", -1), "pieces"),
+        (-4, struct.pack("<i", 3), "pieces"),
     ],
 )
 def test_numbers_that_no_map_has_are_refused(saved: SavedMap, at: int, value: bytes, told: str) -> None:
     data = encode(saved)
     body = _body(data)
+    at %= len(body)
     body[at : at + len(value)] = value
     with pytest.raises(MapFileError, match=told):
         decode(_packed(data, bytes(body)))
@@ -158,9 +162,17 @@ def test_numbers_that_no_map_has_are_refused(saved: SavedMap, at: int, value: by
 
 def test_a_later_version_says_so(saved: SavedMap) -> None:
     data = encode(saved)
-    later = _with_checksum(data[:8] + struct.pack("<I", 2) + data[12:-4])
-    with pytest.raises(MapFileError, match="version 2 and this program reads 1"):
+    later = _with_checksum(data[:8] + struct.pack("<I", 3) + data[12:-4])
+    with pytest.raises(MapFileError, match="version 3 and this program reads up to 2"):
         decode(later)
+
+
+def test_a_map_of_the_first_version_is_of_one_piece(saved: SavedMap) -> None:
+    data = encode(saved)
+    first = data[:8] + struct.pack("<I", 1) + data[12:_HEADER_BYTES]
+    read = decode(_packed(first, bytes(_body(data)[: -4 * len(saved.nodes)])))
+    assert read.pieces.tolist() == [0, 0, 0]
+    np.testing.assert_array_equal(read.nodes, saved.nodes)
 
 
 def test_errors_name_the_file(saved: SavedMap, tmp_path: Path) -> None:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from station_gui.mapping.saved_map import SavedMap
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
 from station_gui.mapping.slam2d.keyframes import Keyframe
 
 
-def to_saved(graph: PoseGraph, keyframes: Sequence[Keyframe]) -> SavedMap:
-    """A copy: the graph may go on."""
+def to_saved(graph: PoseGraph, keyframes: Sequence[Keyframe], pieces: NDArray[np.int32]) -> SavedMap:
+    """A copy: the graph may go on. `pieces`: (N,), as of `SavedMap`."""
     return SavedMap(
         nodes=graph.poses.copy(),
         ends=graph.ends.copy(),
@@ -19,6 +22,7 @@ def to_saved(graph: PoseGraph, keyframes: Sequence[Keyframe]) -> SavedMap:
         robust=graph.robust.copy(),
         length_m=graph.length_m.copy(),
         keyframes=tuple(keyframes),
+        pieces=pieces,
     )
 
 

@@ -114,4 +114,5 @@ class LocalisationConfig:
     look_again_scans: int = 50  # at one place, in doubt: the robot looks anew
     search_again_m: float = 0.4  # driven, after a search that has found nothing to believe
     lost_scans: int = 8  # in a row that do not fit: the robot is lost
-    give_up_m: float = 6.0  # driven while it is lost: a new piece of map begins, where the map may grow
+    give_up_m: float = 4.0  # driven where no place of the map fits: a new piece begins, in a map that may grow
+    beside_m: float = 10.0  # it lies so far from the map, and as far again as the robot sees, up to the same

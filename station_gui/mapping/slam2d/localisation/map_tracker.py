@@ -117,9 +117,19 @@ class MapTracker:
         self._scans.append(node, between(self._graph.poses[node], self._pose))
         return Pose2.from_array(self._pose)
 
-    def join(self, scan: PointScan, map_from_robot: Pose2, first: int) -> Pose2:
-        """There are no pieces."""
+    def begin_piece(self, scan: PointScan, map_from_robot: Pose2) -> Pose2:
+        raise MappingError("this map does not change")
+
+    def join(self, scan: PointScan, map_from_robot: Pose2) -> Pose2:
+        """Nothing moves."""
         return self.resume(scan, map_from_robot)
+
+    @property
+    def apart(self) -> bool:
+        return self._saved is not None and bool(self._saved.pieces[self._nearest_node()])
+
+    def keyframe_pieces(self) -> NDArray[np.int32]:
+        return self._saved.pieces[self._keyframe_places.nodes] if self._saved is not None else np.zeros(0, np.int32)
 
     @property
     def lost_scans(self) -> int:

@@ -64,6 +64,11 @@ class Relocaliser:
         return bool(self.hypotheses) or self._searches == 0 or bool(self._waiting)
 
     @property
+    def strange(self) -> bool:
+        """What was seen until now is well known, and no place of the map fits it."""
+        return self._searches > 0 and not self.hypotheses and not self._waiting and self._trail.fit > 0.0
+
+    @property
     def settled(self) -> bool:
         """What was seen until now has been looked for, and every place judged."""
         return self._searches > 0 and self._search is None and not self._waiting

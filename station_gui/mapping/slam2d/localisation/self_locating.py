@@ -23,7 +23,8 @@ from station_gui.mapping.snapshot import GridMap, Tracking
 class SelfLocatingSlam:
     """See `SessionSlam`. Goes on with `inner` while its scans fit; else looks for the robot in the whole map.
 
-    A robot that cannot be found for long, in a map that may grow, begins a new piece of it.
+    A robot that has driven far where no place of the map fits, in a map that may grow, begins a new piece of it. That
+    is apart until the robot is found in the rest, or a loop closes. In a map that is fixed it stays lost.
     """
 
     def __init__(
@@ -37,17 +38,17 @@ class SelfLocatingSlam:
         self._fixed = fixed
         self._scans = Placed()  # on scans of the inner one
         self._inner_scans = 0
-        self._early: list[Pose2] = []  # odometry of the scans before the robot was found for the first time
+        self._early = Placed()  # odometry of the scans before the robot was found for the first time
         self._first_odometry = Pose2()  # when it was
         self._moved = 0  # how often poses that were given out have changed by being found
         self._odometry = Pose2()
         self._pose = Pose2()
         self._relocaliser: Relocaliser | None = None
+        self._inner_lost = False  # it is told nothing until the robot is found
         self._wariness = Wariness(config.doubt)
         self._check: Check | None = None  # while there is doubt
         inner.guard(self._admits)
-        self._lost_way_m = 0.0
-        self._piece_from: int | None = None  # first keyframe of a piece that hangs on the rest by odometry alone
+        self._strange_way_m = 0.0  # driven where no place of the map fits
         if given is not None:
             inner.load(given)
             self._lose()
@@ -57,10 +58,10 @@ class SelfLocatingSlam:
         motion = self._odometry.inverse() @ scan.odom_from_robot if len(self) else Pose2()
         if self._relocaliser is None:
             self._follow(scan, motion)
-        elif self._piece_from is None:
+        elif self._inner_lost:
             self._look(self._relocaliser, scan, motion)
         else:
-            self._map_apart(self._relocaliser, self._piece_from, scan)
+            self._map_apart(self._relocaliser, scan)
         self._odometry = scan.odom_from_robot
         return self._pose
 
@@ -68,9 +69,9 @@ class SelfLocatingSlam:
         return len(self._early) + len(self._scans)
 
     def _admits(self, fit: float, surprise: float) -> bool:
-        """A piece of its own is held to nothing yet, and a map that has hardly begun tells nothing odd from new."""
+        """A piece that is apart is held to nothing yet, and a map that has hardly begun tells nothing odd from new."""
         young = len(self._inner.keyframes) < self._config.doubt.min_keyframes
-        return young or self._piece_from is not None or self._wariness.admits(fit, surprise)
+        return young or self._relocaliser is not None or self._wariness.admits(fit, surprise)
 
     def _follow(self, scan: PointScan, motion: Pose2) -> None:
         inner, wariness = self._inner, self._wariness
@@ -95,16 +96,16 @@ class SelfLocatingSlam:
             if verdict is Verdict.UNFOUNDED:
                 self._wariness.accept(self._inner.fit)
 
-    def _map_apart(self, relocaliser: Relocaliser, first: int, scan: PointScan) -> None:
-        """The new piece grows; meanwhile the robot is looked for in the old map, until it is found or a loop closes."""
+    def _map_apart(self, relocaliser: Relocaliser, scan: PointScan) -> None:
+        """The piece grows; meanwhile the robot is looked for in the rest, until it is found or a loop closes."""
         found = relocaliser.add(scan)
         if found is not None:
-            self._located(self._inner.join(scan, found, first))
+            self._located(self._inner.join(scan, found))
             return
         self._pose = self._inner.add(scan)
         self._note_inner_scan()
-        if self._is_joined(first):
-            self._relocaliser = self._piece_from = None
+        if not self._inner.apart:
+            self._relocaliser = None
 
     def _note_inner_scan(self) -> None:
         self._inner_scans += 1
@@ -112,18 +113,19 @@ class SelfLocatingSlam:
 
     def _lose(self, relocaliser: Relocaliser | None = None) -> None:
         """Look for the robot, by what looks for it already where there is one."""
-        self._relocaliser = relocaliser or self._new_relocaliser()
+        everywhere = np.ones(len(self._inner.keyframes), np.bool_)
+        self._relocaliser = relocaliser or self._new_relocaliser(everywhere)
+        self._inner_lost = True
         self._check = None
         self._wariness.begin()
-        self._lost_way_m = 0.0
+        self._strange_way_m = 0.0
 
-    def _new_relocaliser(self) -> Relocaliser:
-        inner = self._inner
-        reference = Reference(
-            self._config.reference, self._config.trail.match, self._grid_config, inner.keyframes,
-            inner.keyframe_poses(),
-        )  # fmt: skip
-        return Relocaliser(self._config, reference)
+    def _new_relocaliser(self, among: NDArray[np.bool_]) -> Relocaliser:
+        """`among`: (K,), the keyframes in question."""
+        inner, config = self._inner, self._config
+        known = [inner.keyframes[k] for k in np.flatnonzero(among).tolist()]
+        poses = inner.keyframe_poses()[among]
+        return Relocaliser(config, Reference(config.reference, config.trail.match, self._grid_config, known, poses))
 
     def _look(self, relocaliser: Relocaliser, scan: PointScan, motion: Pose2) -> None:
         found = relocaliser.add(scan)
@@ -131,14 +133,31 @@ class SelfLocatingSlam:
             self._go_on(scan, found)
             return
         self._pose = self._pose @ motion
-        self._lost_way_m += motion.distance_m(Pose2())
+        self._strange_way_m += motion.distance_m(Pose2()) if relocaliser.strange else 0.0
+        if not self._fixed and self._strange_way_m > self._config.give_up_m:
+            self._begin_piece(scan)
+        elif self._inner_scans == 0:
+            self._early.append(0, scan.odom_from_robot.as_array())
+        else:
+            last = len(self._scans) - 1
+            self._scans.append(self._inner_scans - 1, compose(self._scans.in_node(last), motion.as_array()))
+
+    def _begin_piece(self, scan: PointScan) -> None:
+        """The robot is looked for in the map as it was, by what looks for it already."""
         if self._inner_scans == 0:
-            self._early.append(scan.odom_from_robot)
-            return
-        last = len(self._scans) - 1
-        self._scans.append(self._inner_scans - 1, compose(self._scans.in_node(last), motion.as_array()))
-        if not self._fixed and self._lost_way_m > self._config.give_up_m:
-            self._piece_from = len(self._inner.keyframes)
+            self._first_odometry = scan.odom_from_robot
+            self._pose = self._beside_the_map(scan)
+        self._pose = self._inner.begin_piece(scan, self._pose)
+        self._note_inner_scan()
+        self._inner_lost = False
+        self._moved += 1
+
+    def _beside_the_map(self, scan: PointScan) -> Pose2:
+        """Clear of it."""
+        poses = self._inner.keyframe_poses()
+        reach_m = float(np.abs(scan.points_m).max(initial=0.0))
+        margin_m = self._config.beside_m + min(reach_m, self._config.beside_m)
+        return Pose2(float(poses[:, 0].max()) + margin_m, float(poses[:, 1].mean()), 0.0)
 
     def _go_on(self, scan: PointScan, found: Pose2) -> None:
         if self._inner_scans == 0:
@@ -146,24 +165,21 @@ class SelfLocatingSlam:
         self._located(self._inner.resume(scan, found))
 
     def _located(self, pose: Pose2) -> None:
+        """In the map, or in a piece of it that is apart: then the robot is looked for in the rest."""
         self._pose = pose
         self._note_inner_scan()
+        self._inner_lost = False
         self._relocaliser = None
-        self._piece_from = None
+        if self._inner.apart and not self._fixed:
+            pieces = self._inner.keyframe_pieces()
+            self._relocaliser = self._new_relocaliser(pieces != pieces[-1])
         self._moved += 1
-
-    def _is_joined(self, first: int) -> bool:
-        """A closure leads from the new piece to an older keyframe."""
-        closures = self._inner.closures()
-        return bool(((closures.min(axis=1, initial=first) < first) & (closures.max(axis=1, initial=0) >= first)).any())
 
     @property
     def tracking(self) -> Tracking:
-        if self._piece_from is not None:
-            return Tracking.APART
-        if self._relocaliser is not None:
+        if self._relocaliser is not None and self._inner_lost:
             return Tracking.SEARCHING if self._relocaliser.undecided else Tracking.LOST
-        return Tracking.LOCATED
+        return Tracking.APART if self._inner.apart else Tracking.LOCATED
 
     @property
     def places(self) -> int:
@@ -189,9 +205,10 @@ class SelfLocatingSlam:
         return self._inner.pose_of_scan(self._scans.node_of(place)) @ Pose2.from_array(self._scans.in_node(place))
 
     def _early_pose(self, index: int) -> Pose2:
+        odometry = Pose2.from_array(self._early.in_node(index))
         if self._inner_scans == 0:
-            return self._early[0].inverse() @ self._early[index]
-        return self._inner.pose_of_scan(0) @ (self._first_odometry.inverse() @ self._early[index])
+            return Pose2.from_array(self._early.in_node(0)).inverse() @ odometry
+        return self._inner.pose_of_scan(0) @ (self._first_odometry.inverse() @ odometry)
 
     @property
     def revision(self) -> int:

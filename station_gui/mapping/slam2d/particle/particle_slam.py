@@ -36,6 +36,7 @@ from station_gui.mapping.slam2d.particle.proposal.deviates import Deviates
 from station_gui.mapping.slam2d.particle.proposal.proposer import Proposer
 from station_gui.mapping.slam2d.particle.resampling import Weights
 from station_gui.mapping.slam2d.particle.stored import Break, Joints, steps_of, to_saved
+from station_gui.mapping.slam2d.pieces import Pieces
 from station_gui.mapping.slam2d.rehearsal import rehearse
 from station_gui.mapping.slam2d.se2_arrays import between, compose, compose_all
 from station_gui.mapping.snapshot import GridMap
@@ -62,6 +63,7 @@ class ParticleSlam:
         self._best = 0
         self._scans = Placed()
         self._steps: list[Keyframe] = []
+        self._pieces = Pieces()  # of the steps
         self._rel = np.zeros(3)  # the robot, in the frame of the last step
         self._odometry_rel = np.zeros(3)  # the same by odometry alone
         self._odometry = Pose2()
@@ -91,6 +93,7 @@ class ParticleSlam:
         """Begin with this map, the same for all particles; the next scan has to come by `resume`."""
         steps, poses = steps_of(saved)
         self._steps = [replace(step, node=0) for step in steps]
+        self._pieces.load(saved.pieces[saved.keyframe_nodes()])
         end = np.full(1, -1, np.int64)
         for step, pose in zip(self._steps, poses, strict=True):
             self._maps.insert(0, step.lines(), pose)
@@ -104,7 +107,8 @@ class ParticleSlam:
 
     def saved(self) -> SavedMap:
         """The map of the best particle."""
-        return to_saved(self._steps, self._step_poses(), Joints(self._given, self._breaks, self._closer.course))
+        joints = Joints(self._given, self._breaks, self._closer.course, self._pieces.of_node)
+        return to_saved(self._steps, self._step_poses(), joints)
 
     def resume(self, scan: PointScan, map_from_robot: Pose2) -> Pose2:
         """As `add`, for a robot that somebody else has found to be at this place of the map."""
@@ -112,12 +116,30 @@ class ParticleSlam:
         self._poses[:] = map_from_robot.as_array()
         self._lost_scans = 0
         self._breaks[len(self._steps)] = "found"
+        self._pieces.go_to(int(np.argmin(np.hypot(*(self._step_poses()[:, :2] - self._poses[0, :2]).T))))
         self._record(scan, lines, np.ones(len(self._poses), bool), np.eye(3))
         return self._added(scan)
 
-    def join(self, scan: PointScan, map_from_robot: Pose2, first: int) -> Pose2:
-        """The piece stays where it is: the robot goes on in the old part."""
+    def begin_piece(self, scan: PointScan, map_from_robot: Pose2) -> Pose2:
+        """See `StoredSlam`."""
+        lines = lines_of(scan, self._config.normals, self._config.proposal.max_range_m)
+        self._poses[:] = map_from_robot.as_array()
+        self._lost_scans = 0
+        self._breaks[len(self._steps)] = "apart"
+        self._pieces.begin()
+        self._record(scan, lines, np.ones(len(self._poses), bool), np.eye(3))
+        return self._added(scan)
+
+    def join(self, scan: PointScan, map_from_robot: Pose2) -> Pose2:
+        """The piece stays where it is, apart: the robot goes on in the old part."""
         return self.resume(scan, map_from_robot)
+
+    @property
+    def apart(self) -> bool:
+        return self._pieces.apart
+
+    def keyframe_pieces(self) -> NDArray[np.int32]:
+        return self._pieces.of_node
 
     @property
     def resamplings(self) -> int:
@@ -297,6 +319,7 @@ class ParticleSlam:
         in_map = matched | (not patient)
         if not patient:
             self._breaks[len(self._steps)] = "lost"
+            self._pieces.begin()
         self._closer.add_step(self._way(), information, sum(self._misfits) / max(len(self._misfits), 1))
         self._misfits.clear()
         age = self._closer.course.nodes - 1
@@ -307,6 +330,7 @@ class ParticleSlam:
         kept = len(points) if mapped else 0
         self._steps.append(Keyframe(scan.stamp_s, age, np.zeros(3), points[:kept], normals[:kept], scan.origin_m))
         self._in_map.append(mapped)
+        self._pieces.add_node()
         self._rel = np.zeros(3)
         self._odometry_rel = np.zeros(3)
 

@@ -17,7 +17,7 @@ from station_gui.mapping.slam2d.particle.closing.course import Course
 from station_gui.mapping.slam2d.se2_arrays import between, compose, compose_all
 
 FloatArray = NDArray[np.float64]
-Break = Literal["found", "lost"]
+Break = Literal["found", "lost", "apart"]
 
 _EDGES = PoseGraphConfig()  # what edges are worth to graph SLAM, which may go on from the map
 _APART_M = 2 * LocalMapConfig().graph_reach_m  # the length of an edge beyond which its local map does not look
@@ -30,12 +30,14 @@ class Joints:
     """What holds a path together.
 
     `given`: the map that its first steps are; `breaks`: steps that tracking does not lead to, because the robot was
-    lost, or was found there by somebody else; `course`: the nodes and closures of the rest.
+    lost, or was found there by somebody else; `course`: the nodes and closures of the rest; `pieces`: (K,) of the
+    steps.
     """
 
     given: SavedMap | None
     breaks: Mapping[int, Break]
     course: Course
+    pieces: NDArray[np.int32]
 
 
 def to_saved(steps: Sequence[Keyframe], poses: FloatArray, joints: Joints) -> SavedMap:
@@ -85,6 +87,7 @@ class _Graph:
             robust=np.array(self._robust, np.bool_),
             length_m=np.array(self._lengths_m, np.float64),
             keyframes=tuple(keyframes),
+            pieces=self._pieces(),
         )
         given = self._joints.given
         if given is None:
@@ -97,7 +100,13 @@ class _Graph:
             robust=np.concatenate((given.robust, own.robust)),
             length_m=np.concatenate((given.length_m, own.length_m)),
             keyframes=(*given.keyframes, *own.keyframes),
+            pieces=own.pieces,
         )
+
+    def _pieces(self) -> NDArray[np.int32]:
+        """(N,)"""
+        given, of_steps = self._joints.given, self._joints.pieces[self._first_steps]
+        return of_steps if given is None else np.concatenate((given.pieces, of_steps))
 
     def _given_nodes(self) -> FloatArray:
         """(N, 3): where the first step has gone the whole given map went."""
@@ -117,6 +126,9 @@ class _Graph:
             away_m = np.hypot(*(self._nodes[:node, :2] - self._nodes[node, :2]).T)
             near = int(np.argmin(away_m))
             self._add_edge(near, node, _weights(_EDGES.found_shift_sigma_m, _EDGES.found_turn_sigma_rad))
+        elif broken == "apart":
+            information = _weights(_EDGES.unknown_shift_sigma_m, _EDGES.unknown_turn_sigma_rad)
+            self._add_edge(node - 1, node, information, _APART_M)
         elif broken == "lost":
             information = _weights(_EDGES.lost_shift_sigma_m, _EDGES.lost_turn_sigma_rad)
             self._add_edge(node - 1, node, information, _APART_M)

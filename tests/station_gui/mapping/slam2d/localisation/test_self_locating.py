@@ -246,30 +246,97 @@ def test_scans_that_fit_worse_at_the_right_place_change_nothing(
     assert slam.revision == before
 
 
+@pytest.mark.parametrize("drawn_at", [Pose2(20.0, 2.0, 0.0), Pose2(1.5, 1.0, 2.8)])
 def test_a_robot_found_in_the_old_map_brings_its_new_piece_along(
-    lab: FloatArray, lab_map: SavedMap, lap: LapMaker, other_room: FloatArray, scan_from: ScanMaker
+    lab: FloatArray, lab_map: SavedMap, lap: LapMaker, scan_from: ScanMaker, drawn_at: Pose2
 ) -> None:
-    slam = GraphSlam(GraphSlamConfig())
+    slam, rng, way = GraphSlam(GraphSlamConfig()), np.random.default_rng(0), lap(100)
     slam.load(lab_map)
-    rng, way = np.random.default_rng(0), lap(100)
-    slam.resume(scan_from(lab, way[0], rng, way[0], 0.0), way[0])
-    for k in range(25):  # until it gives up, with the wheels on their way
-        odom = way[0] @ Pose2(0.05 * k, 0.0, 0.0)
-        slam.add(scan_from(other_room, Pose2(0.6 + 0.05 * k, 1.5, 0.0), rng, odom, 0.1 + 0.1 * k))
-    first, wrong = len(slam.keyframes), odom @ way[30].inverse()
-    for k in range(30, 80):
-        slam.add(scan_from(lab, way[k], rng, wrong @ way[k], 3.0 + 0.1 * k))
-    assert slam.lost_scans == 0
-    assert len(slam.keyframes) > first
-    apart = slam.pose_of_scan(70)
-    assert apart.distance_m(way[74]) > 0.3
+    odom = [_SOMEWHERE @ pose for pose in way]
+    slam.begin_piece(scan_from(lab, way[30], rng, odom[30], 3.0), drawn_at)
+    for k in range(31, 80):
+        slam.add(scan_from(lab, way[k], rng, odom[k], 0.1 * k))
+    assert slam.apart
+    assert slam.pose_of_scan(20).distance_m(way[50]) > 0.3
 
-    pose = slam.join(scan_from(lab, way[80], rng, wrong @ way[80], 12.0), way[80], first)
+    pose = slam.join(scan_from(lab, way[80], rng, odom[80], 8.0), way[80])
 
+    assert not slam.apart
+    assert not slam.keyframe_pieces().any()
     assert pose.distance_m(way[80]) < 0.03
-    assert slam.pose_of_scan(70).distance_m(way[74]) < 0.05
+    assert slam.pose_of_scan(20).distance_m(way[50]) < 0.05
+    old = len(lab_map.keyframes)
     pairs = slam.closures()
-    assert ((pairs.min(axis=1) < first) & (pairs.max(axis=1) >= first)).any()
+    assert ((pairs.min(axis=1) < old) & (pairs.max(axis=1) >= old)).any()
+    slam.finish()
+    assert slam.pose_of_scan(20).distance_m(way[50]) < 0.05
+
+
+def _outside(lab: FloatArray, other_room: FloatArray) -> tuple[FloatArray, list[Pose2]]:
+    """Walls of the lab and of another room that a door joins to it, and the way from there into the lab."""
+    room = other_room + np.array([4.1, 0.0, 4.1, 0.0])
+    solid = [wall for wall in np.vstack((lab, room)).tolist() if not (wall[0] == wall[2] and wall[0] in (3.95, 4.1))]
+    door = [(x, a, x, b) for x in (3.95, 4.1) for a, b in ((0.0, 1.2), (2.2, 3.3))] + [(3.95, 3.3, 3.95, 4.2)]
+    jambs = [(3.95, y, 4.1, y) for y in (1.2, 2.2)]
+    way = [Pose2(8.4 - 0.06 * k, 1.5, math.pi) for k in range(125)]
+    return np.array(solid + door + jambs), way
+
+
+def test_a_robot_put_down_outside_its_map_begins_a_piece_that_joins_when_it_comes_home(
+    lab: FloatArray, other_room: FloatArray, scan_from: ScanMaker
+) -> None:
+    walls, home = _outside(lab, other_room)
+    known = GraphSlam(GraphSlamConfig())
+    for k in range(60):
+        pose = Pose2(0.7 + 0.02 * k, 1.6, 0.6 * math.sin(0.3 * k))
+        known.add(scan_from(walls, pose, np.random.default_rng(k), stamp_s=0.1 * k))
+    slam = _slam(_graph(), known.saved(), config=replace(_CONFIG, give_up_m=1.0))
+    there = [Pose2(5.0 + 0.06 * k, 1.5, 0.0) for k in range(56)]
+    states = []
+    for k, pose in enumerate(there + home):
+        slam.add(scan_from(walls, pose, np.random.default_rng(k), _SOMEWHERE @ pose, 0.1 * k))
+        states.append(slam.tracking)
+
+    assert states[5] in {Tracking.LOST, Tracking.SEARCHING}
+    assert Tracking.APART in states
+    assert states[-1] is Tracking.LOCATED
+    poses = [slam.pose_of_scan(k) for k in range(len(slam))]
+    assert _error_m(poses, there + home) < 0.15
+    assert not slam.saved().pieces.any()
+
+
+def test_a_robot_put_down_outside_a_fixed_map_stays_lost(
+    lab_map: SavedMap, other_room: FloatArray, scan_from: ScanMaker
+) -> None:
+    slam = _slam(_tracker(), lab_map, fixed=True, config=replace(_CONFIG, give_up_m=0.5))
+    _follow(slam, other_room, [Pose2(0.6 + 0.05 * k, 1.5, 0.0) for k in range(70)], scan_from, Pose2())
+    assert slam.tracking is Tracking.LOST
+
+
+def test_a_robot_that_sees_nothing_begins_no_piece(lab_map: SavedMap) -> None:
+    slam = _slam(_graph(), lab_map, config=replace(_CONFIG, give_up_m=0.5))
+    for k in range(60):
+        slam.add(PointScan(0.1 * k, Pose2(0.05 * k, 0.0, 0.0), np.zeros(2), np.zeros((0, 2))))
+    assert slam.tracking in {Tracking.LOST, Tracking.SEARCHING}
+
+
+@pytest.mark.parametrize("make_inner", [_graph, _particles])
+def test_a_piece_that_is_not_joined_is_saved_and_comes_back_as_such(
+    make_inner: Callable[[], StoredSlam], lab_map: SavedMap, other_room: FloatArray, scan_from: ScanMaker
+) -> None:
+    first = _slam(make_inner(), lab_map, config=replace(_CONFIG, give_up_m=0.5))
+    way = [Pose2(0.6 + 0.05 * k, 1.5, 0.4 * math.sin(0.1 * k)) for k in range(70)]
+    _follow(first, other_room, way, scan_from, Pose2())
+    assert first.tracking is Tracking.APART
+    saved = decode(encode(first.saved()))
+    assert set(saved.pieces.tolist()) == {0, 1}
+
+    for fixed in (False, True):
+        second = _slam(_tracker() if fixed else make_inner(), saved, fixed=fixed)
+        poses = _follow(second, other_room, way[30:60], scan_from, _SOMEWHERE)
+        assert second.tracking is Tracking.APART
+        apart = first.pose_of_scan(59) @ way[59].inverse()
+        assert poses[-1].distance_m(apart @ way[59]) < 0.05
 
 
 def _person(pose: Pose2, k: int) -> FloatArray:

@@ -120,6 +120,8 @@ def test_a_piece_that_hangs_by_odometry_alone_is_saved_as_such(
     loose = [e for e in range(len(saved.ends)) if _sigma_m(saved.information[e]) > 0.25]
     assert len(loose) == 1
     assert saved.length_m[loose[0]] >= 50.0
+    first = int(saved.ends[loose[0], 1])
+    assert saved.pieces.tolist() == [0] * first + [1] * (len(saved.nodes) - first)
     stamps = np.array([keyframe.stamp_s for keyframe in saved.keyframes])
     assert (stamps[saved.keyframe_nodes() >= saved.ends[loose[0], 1]] >= 10.0).all()
 
@@ -135,7 +137,7 @@ def test_closures_of_the_path_come_along() -> None:
     course.closures.append(closure)
     hit = np.ones((1, 2), np.float32)
     steps = [Keyframe(0.1 * k, 0, np.zeros(3), hit, hit * 0, np.zeros(2)) for k in range(12)]
-    saved = to_saved(steps, np.array(way), Joints(None, {}, course))
+    saved = to_saved(steps, np.array(way), Joints(None, {}, course, np.zeros(12, np.int32)))
 
     assert saved.robust.sum() == 1
     np.testing.assert_array_equal(saved.ends[saved.robust], [(1, new)])
