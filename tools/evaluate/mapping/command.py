@@ -26,7 +26,7 @@ from station_gui.config import load_config as load_station
 from tools.evaluate.mapping.pictures import draw_beside_truth, draw_overlay
 from tools.evaluate.mapping.repeat import repeatability
 from tools.evaluate.mapping.trial import Trial, is_recorded, map_again, simulate
-from tools.simulator.links import LINK_NAMES
+from tools.simulator.links import LINK_NAMES, LinkName
 from tools.simulator.scenario import Scenario, find_scenario
 
 tqdm.monitor_interval = 0  # its thread would outlive the bar
@@ -40,9 +40,17 @@ _SHOWN = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scenario", default="lab", help="a scenario's name or TOML file (default: lab)")
-    parser.add_argument("--trials", type=whole_number_in(1, 100), default=5, metavar="N", help="missions (default: 5)")
+    parser.add_argument(
+        "--trials", type=whole_number_in(1, 100), default=5, metavar="N", help="missions over each link (default: 5)"
+    )
     parser.add_argument("--seed", type=seed, default=1, help="of the first; the next ones count on (default: 1)")
-    parser.add_argument("--link", choices=LINK_NAMES, default="tcp", help="between robot and station (default: tcp)")
+    parser.add_argument(
+        "--link",
+        type=link_list,
+        default=("tcp",),
+        metavar="LINKS",
+        help="between robot and station: tcp, lora, switch, or several as in tcp,lora (default: tcp)",
+    )
     parser.add_argument(
         "--minutes", type=number_in(1.0, 120.0), metavar="M", help="drive on from goal to goal until so much has passed"
     )
@@ -73,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
         trials = _trials(args, args.recording if args.recording is not None else Path(passing))
     if args.pictures is not None:
         _draw(trials, args.pictures)
-    report = {"scenario": args.scenario, "link": args.link, **over_trials(trials)}
+    report = {"scenario": args.scenario, "link": ",".join(args.link), **over_trials(trials)}
     print(_row("mean", report))
     print(_row("worst", report["worst"]))
     for key in ("repeatability_m", "only_in_one", "grid_repeatability_m"):
@@ -87,15 +95,13 @@ def _trials(args: argparse.Namespace, folder: Path) -> list[Trial]:
     scenario, robot, station = find_scenario(args.scenario), load_robot(args.robot), _station(args)
     print(_header(), flush=True)
     trials: list[Trial] = []
-    warm = False
-    for number in range(args.seed, args.seed + args.trials):
-        place = folder / _name_of(args, scenario, number)
+    for number, link in enumerate((link for link in args.link for _ in range(args.trials)), args.seed):
+        place = folder / _name_of(args, scenario, link, number)
         if not is_recorded(place):
             with tqdm(desc=place.name, unit=" s simulated", disable=not sys.stderr.isatty(), leave=False) as bar:
-                simulate(scenario, args.link, number, robot, station, place, partial(_show, bar), args.minutes)
-        if not warm:
+                simulate(scenario, link, number, robot, station, place, partial(_show, bar), args.minutes)
+        if not trials:
             map_again(place, station)  # loads the kernels, so that the first trial is timed like the others
-            warm = True
         trials.append(map_again(place, station))
         print(_row(str(number), figures_of(trials[-1])), flush=True)
     return trials
@@ -103,10 +109,11 @@ def _trials(args: argparse.Namespace, folder: Path) -> list[Trial]:
 
 def _draw(trials: list[Trial], folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    name = f"{trials[0].driven.scenario}-{trials[0].driven.link}"
-    draw_overlay(trials, folder / f"{name}-overlay.png", f"{name}: {len(trials)} trials")
+    scenario = trials[0].driven.scenario
+    draw_overlay(trials, folder / f"{scenario}-overlay.png", f"{scenario}: {len(trials)} trials")
     for trial in trials:
-        draw_beside_truth(trial, folder / f"{name}-{trial.driven.seed}.png", f"{name}, trial {trial.driven.seed}")
+        name = f"{scenario}-{trial.driven.link}-{trial.driven.seed}"
+        draw_beside_truth(trial, folder / f"{name}.png", name)
 
 
 def _show(bar: tqdm[NoReturn], simulated_s: float) -> None:
@@ -123,9 +130,17 @@ def _station(args: argparse.Namespace) -> StationConfig:
         raise Refused(f"--steps {','.join(map(str, args.steps))}: {error}") from error
 
 
-def _name_of(args: argparse.Namespace, scenario: Scenario, number: int) -> str:
+def _name_of(args: argparse.Namespace, scenario: Scenario, link: LinkName, number: int) -> str:
     length = f"-{args.minutes:g}min" if args.minutes is not None else ""
-    return f"{scenario.name}-{args.link}{length}-{number}"
+    return f"{scenario.name}-{link}{length}-{number}"
+
+
+def link_list(text: str) -> tuple[LinkName, ...]:
+    known = {name: name for name in LINK_NAMES}
+    parts = text.split(",")
+    if not all(part in known for part in parts) or len(set(parts)) != len(parts):
+        raise argparse.ArgumentTypeError(f"{text!r} is no list of links; write one or several of {','.join(known)}")
+    return tuple(known[part] for part in parts)
 
 
 def step_list(text: str) -> tuple[int, ...]:
@@ -144,7 +159,7 @@ def figures_of(trial: Trial) -> dict[str, Any]:
         **asdict(trial.object_error),
         **trial.costs.figures(),
         "observations": len(trial.costs.slam),
-        **{key: value for key, value in driven.items() if key not in {"scenario", "link"}},
+        **{key: value for key, value in driven.items() if key != "scenario"},
     }
 
 

@@ -77,6 +77,13 @@ def test_an_edge_is_found_within_four_centimetres(
         assert error.edge_rmse_m == pytest.approx(shift_m, abs=1e-3)
 
 
+def test_an_edge_that_is_there_twice_counts_twice(
+    outline: Outline, map_of: MakeMap, world: TrueWorld, things: SeenThings
+) -> None:
+    twice = map_of(outline(*BOX)[:4], outline(*BOX, shift_m=0.03)[:4])
+    assert object_error(twice, world, things).edge_rmse_m == pytest.approx(0.03 / math.sqrt(2), abs=1e-3)
+
+
 def test_lying_edges_find_no_upright_one(
     outline: Outline, map_of: MakeMap, world: TrueWorld, things: SeenThings
 ) -> None:

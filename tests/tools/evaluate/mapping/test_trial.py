@@ -10,7 +10,7 @@ from PIL import Image
 from robot_app.config import load_config as load_robot
 from shared.command_line import Refused
 from station_gui.config import load_config as load_station
-from tools.evaluate.mapping.command import figures_of, over_trials, step_list
+from tools.evaluate.mapping.command import figures_of, link_list, over_trials, step_list
 from tools.evaluate.mapping.pictures import draw_beside_truth, draw_overlay
 from tools.evaluate.mapping.trial import Trial, is_recorded, map_again, simulate
 from tools.simulator.scenario import find_scenario
@@ -85,3 +85,10 @@ def test_steps_are_a_list_of_numbers() -> None:
     for wrong in ("", "1-3", "12", "1,,2"):
         with pytest.raises(ArgumentTypeError, match="is no list of steps"):
             step_list(wrong)
+
+
+def test_links_are_a_list_of_known_names() -> None:
+    assert link_list("tcp,switch") == ("tcp", "switch")
+    for wrong in ("", "wifi", "tcp,tcp"):
+        with pytest.raises(ArgumentTypeError, match="is no list of links"):
+            link_list(wrong)
