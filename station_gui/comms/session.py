@@ -216,8 +216,8 @@ class Session:
 
     def _drop_old_link(self) -> None:
         if self._link is not None and self._link_generation != self._generation:
-            self._link.close()
-            self._link = None
+            link, self._link = self._link, None
+            link.close()
 
     def _try_to_connect(self) -> None:
         now_s = self._clock.now_s()

@@ -148,8 +148,8 @@ class Failover:
         with self._lock:
             self._stop.set()
             self._drop_wifi()
-            self._radio.close()
-            self._when_closed()
+        self._radio.close()  # it takes a while: nobody who asks for anything waits for it
+        self._when_closed()
 
     def step(self) -> None:
         """Take what has come, send what is due."""
