@@ -49,9 +49,9 @@ class _Say:
 def _play(config: StationConfig, scenario: Scenario, link: LinkName, out: Path, say: _Say) -> int:
     """The mission by itself, with clicks; pictures and summary at the end."""
     from station_gui.app import run_window  # noqa: PLC0415 - Qt is loaded only once a display is there
+    from station_gui.export.map_picture import draw_map  # noqa: PLC0415
     from tools.demo_hands import Performance  # noqa: PLC0415
     from tools.evaluate.summary import summarise  # noqa: PLC0415
-    from tools.pictures import draw_map  # noqa: PLC0415
 
     recording = out / "mission.mcap"
     with simulated_robot(out, link, _SCENARIO, _SEED) as meeting:

@@ -22,6 +22,9 @@ from shared.recording import MissionReader, RecordingError
 from shared.runtime.clock import stopwatch_s
 from station_gui.build import build_pipeline
 from station_gui.config import load_config
+from station_gui.export.bundle import export_map
+from station_gui.export.map_picture import draw_map
+from station_gui.export.tum import write_tum
 from station_gui.mapping.pipeline import MappingPipeline
 from station_gui.mapping.saved_map import MapFileError, read_map, write_map
 from station_gui.mapping.slam2d.base import MappingError
@@ -29,8 +32,6 @@ from station_gui.mapping.snapshot import Tracking
 from tools.logs.base import LogError
 from tools.logs.carmen import CarmenReader
 from tools.logs.urg import UrgReader
-from tools.pictures import draw_map
-from tools.tum import write_tum
 
 tqdm.monitor_interval = 0  # its thread would outlive the bar
 
@@ -160,6 +161,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="where the results are written")
     parser.add_argument("--station", metavar="FILE", type=Path, help="station.toml instead of the one that comes along")
+    parser.add_argument(
+        "--export", metavar="DIR", type=Path, help="write the map here for other programs: PLY, glTF, Nav2, PNG, TUM"
+    )
     parser.add_argument("--save-map", metavar="FILE", type=Path, help="keep the map in this file")
     parser.add_argument("--map", metavar="FILE", type=existing_file, help="begin with this map and go on mapping in it")
     parser.add_argument("--localise", action="store_true", help="only localise in the --map; it is not changed")
@@ -187,6 +191,8 @@ def _work(args: argparse.Namespace) -> int:
         raise Refused(source.truncated or f"{title}: no scan in it")
     if args.save_map is not None:
         write_map(pipeline.saved_map(), args.save_map)
+    if args.export is not None:
+        export_map(pipeline.snapshot(), args.export, title)
     try:
         _write(played, pipeline, source, title, args.out)
     except OSError as error:

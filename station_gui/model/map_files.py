@@ -7,14 +7,17 @@ from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 
+from station_gui.export.bundle import export_map
+from station_gui.export.files import ExportError
 from station_gui.mapping.pipeline import MappingPipeline, OpenedMap
 from station_gui.mapping.saved_map import SavedMap, read_map, write_map
 from station_gui.mapping.slam2d.base import MappingError
-from station_gui.mapping.snapshot import Tracking
+from station_gui.mapping.snapshot import MapSnapshot, Tracking
 from station_gui.model.journal import Journal
 from station_gui.model.view import Severity
 
 _WAITING = 8  # the oldest wish gives way
+_EXPORTS = 2  # that may wait
 
 _TOLD = {
     Tracking.LOCATED: (Severity.INFO, "the robot's place in the map is known"),
@@ -57,6 +60,15 @@ class MapFiles:
         self._lock = threading.Lock()
         self._job: _Job | None = None
         self._told = Tracking.LOCATED
+        self._exports: deque[tuple[MapSnapshot, Path]] = deque(maxlen=_EXPORTS)
+
+    def export(self, snapshot: MapSnapshot | None, folder: Path) -> None:
+        """Write the map as it is now in the formats that other programs read."""
+        if snapshot is None:
+            self._journal.add(Severity.WARNING, "there is no map yet to export")
+            return
+        with self._lock:
+            self._exports.append((snapshot, folder))
 
     def save(self, path: Path) -> None:
         with self._lock:
@@ -82,6 +94,7 @@ class MapFiles:
 
     def work(self) -> None:
         """Write or read, if there is anything to."""
+        self._export()
         job = self._job
         if job is None or job.opened is not None:
             return
@@ -107,12 +120,28 @@ class MapFiles:
         for _ in waiting:
             self._begin_job()
             self.work()
+        for _ in range(_EXPORTS):
+            self._export()
 
     def tell(self, tracking: Tracking) -> None:
         """When it has changed."""
         if tracking is not self._told:
             self._told = tracking
             self._journal.add(*_TOLD[tracking])
+
+    def _export(self) -> None:
+        with self._lock:
+            wish = self._exports.popleft() if self._exports else None
+        if wish is None:
+            return
+        snapshot, folder = wish
+        try:
+            written = export_map(snapshot, folder)
+        except ExportError as error:
+            self._journal.add(Severity.ERROR, str(error))
+            return
+        names = ", ".join(path.name for path in written)
+        self._journal.add(Severity.INFO, f"map exported to {folder}: {names}")
 
     def _begin_job(self) -> None:
         with self._lock:

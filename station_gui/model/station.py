@@ -216,6 +216,9 @@ class Station:
     def save_map(self, path: Path) -> None:
         self._map_files.save(path)
 
+    def export_map(self, folder: Path) -> None:
+        self._map_files.export(self._snapshot, folder)
+
     def open_map(self, path: Path, *, localise: bool) -> None:
         self._map_files.open(path, fixed=localise)
 

@@ -87,6 +87,10 @@ class Operator(Protocol):
         """Write the present map to this file."""
         ...
 
+    def export_map(self, folder: Path) -> None:
+        """Write the present map into this folder in the formats that other programs read."""
+        ...
+
     def open_map(self, path: Path, *, localise: bool) -> None:
         """Forget the present map for the one in this file: to go on with, or only to localise in."""
         ...

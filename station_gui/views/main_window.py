@@ -143,6 +143,7 @@ class MainWindow(QMainWindow):
         self.map2d.goal_picked.connect(self._on_goal)
         self.map_files.save_asked.connect(lambda path: self._operator.save_map(Path(path)))
         self.map_files.open_asked.connect(self._on_open_map)
+        self.map_files.export_asked.connect(lambda path: self._operator.export_map(Path(path)))
         self.mission.emergency_asked.connect(self._on_emergency)
         for key in (Qt.Key.Key_Space, Qt.Key.Key_Escape):
             shortcut = QShortcut(QKeySequence(key), self)

@@ -1,4 +1,4 @@
-"""Saving the map to a file and opening one: two buttons and the dialogs behind them.
+"""Saving the map to a file, opening one, exporting it for other programs: buttons and the dialogs behind them.
 
 The dialogs hold up nothing: the window goes on looking at the robot, and the emergency stop works beside them.
 """
@@ -19,14 +19,19 @@ _FILTER = f"Maps (*{SUFFIX});;All files (*)"
 
 
 class MapFileButtons(QWidget):
-    """Emits `save_asked` with a path, or `open_asked` with a path and whether the robot shall only localise in it."""
+    """Emits `save_asked` with a path, `export_asked` with a folder, or `open_asked` with a path and whether the robot
+    shall only localise in it."""
 
     save_asked = Signal(str)
+    export_asked = Signal(str)
     open_asked = Signal(str, bool)
 
     def __init__(self) -> None:
         super().__init__()
         self.save_button = tool_button("Save map…", "Write the map to a file")
+        self.export_button = tool_button(
+            "Export…", "Write the map into a folder for other programs: PLY, glTF, Nav2, PNG and the way as TUM"
+        )
         self.open_button = tool_button("Open map…", "Begin with a map from a file; the present one is forgotten")
         self.open_button.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
         self.continue_action = QAction("and continue mapping…", self)
@@ -42,12 +47,16 @@ class MapFileButtons(QWidget):
         row.setContentsMargins(0, 0, 0, 0)
         row.addWidget(self.open_button)
         row.addWidget(self.save_button)
+        row.addWidget(self.export_button)
         self.save_button.clicked.connect(self._on_save)
+        self.export_button.clicked.connect(self._on_export)
         self.continue_action.triggered.connect(lambda: self._on_open(False))
         self.localise_action.triggered.connect(lambda: self._on_open(True))
 
     def show_view(self, view: OperatorView) -> None:
-        self.save_button.setEnabled(view.snapshot is not None and len(view.snapshot.trajectory) > 0)
+        is_map = view.snapshot is not None and len(view.snapshot.trajectory) > 0
+        self.save_button.setEnabled(is_map)
+        self.export_button.setEnabled(is_map)
 
     def close_dialog(self) -> None:
         if self.dialog is not None:
@@ -58,6 +67,13 @@ class MapFileButtons(QWidget):
         dialog.setDefaultSuffix(SUFFIX.removeprefix("."))
         dialog.selectFile(f"map{SUFFIX}")
         dialog.fileSelected.connect(self.save_asked)
+        dialog.show()
+
+    def _on_export(self) -> None:
+        accept, mode = QFileDialog.AcceptMode.AcceptOpen, QFileDialog.FileMode.Directory
+        dialog = self._make_dialog("Export map into a folder", accept, mode)
+        dialog.setOption(QFileDialog.Option.ShowDirsOnly)
+        dialog.fileSelected.connect(self.export_asked)
         dialog.show()
 
     def _on_open(self, localise: bool) -> None:

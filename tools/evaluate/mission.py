@@ -15,10 +15,10 @@ from shared.command_line import EXIT_FAILED, EXIT_OK, seed
 from shared.runtime.clock import stopwatch_s
 from station_gui.config import StationConfig
 from station_gui.config import load_config as load_station
+from station_gui.export.map_picture import draw_map
 from tools.evaluate.link.on_missions import link_figures
 from tools.evaluate.seeds import Figures, header, over_seeds, row, seed_list
 from tools.evaluate.summary import summarise
-from tools.pictures import draw_map
 from tools.simulator.links import LINK_NAMES, LinkName
 from tools.simulator.lockstep import MissionResult, run_mission
 from tools.simulator.scenario import Scenario, SlipParameters, find_scenario

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.command_line import EXIT_MISUSE, EXIT_OK, existing_file, seed
+from station_gui.export.tum import write_tum
 from station_gui.mapping.slam2d.se2_arrays import between
 from tools.evaluate.playing import Run, play, shipped_slam
 from tools.logs.base import LogError
 from tools.logs.carmen import CarmenReader
-from tools.tum import write_tum
 
 FloatArray = NDArray[np.float64]
 

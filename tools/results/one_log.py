@@ -13,6 +13,7 @@ from typing import Any
 from PIL import Image
 
 from shared.command_line import EXIT_OK, Parser, Refused, existing_file, run
+from station_gui.export.map_picture import draw_map, palette
 from station_gui.mapping.slam2d.base import SessionSlam
 from tools.evaluate import slam as slam_log
 from tools.evaluate import urg as urg_log
@@ -20,7 +21,6 @@ from tools.evaluate.playing import play, shipped_slam
 from tools.logs.base import LogError, LogReader
 from tools.logs.carmen import CarmenReader
 from tools.logs.urg import UrgReader
-from tools.pictures import draw_map, palette
 from tools.results import continued
 
 _MAX_BYTES = 150_000

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from shared.config import parse
 from shared.geometry.se2 import Pose2
+from station_gui.export.tum import write_tum
 from tools.simulator.scenario import Scenario
 from tools.simulator.solids import Solid, solids_of
 from tools.simulator.world import World
-from tools.tum import write_tum
 
 _TOUCHING_M = 0.001  # faces closer together than this are no surface
 TRUTH_FILE, SIMULATION_FILE = "truth.tum", "simulation.json"

@@ -155,6 +155,25 @@ def test_a_drive_that_is_no_number_is_refused_and_a_stop_still_goes_out(scene: S
     assert [m.command for m in scene.commands()] == [Stop()]
 
 
+def test_the_map_is_exported_in_every_format_and_a_bad_folder_is_told(scene: Scene, tmp_path: Path) -> None:
+    scene.station.export_map(tmp_path / "early")
+    assert "no map yet to export" in scene.log()
+    with_map(scene).station.export_map(tmp_path / "out")
+    (tmp_path / "taken").write_text("a file")
+    scene.station.export_map(tmp_path / "taken")
+    scene.run(0.2)
+    assert {path.suffix for path in (tmp_path / "out").iterdir()} == {".yaml", ".pgm", ".png", ".ply", ".glb", ".tum"}
+    assert f"map exported to {tmp_path / 'out'}" in scene.log()
+    assert "choose another folder" in scene.log()
+    assert not (tmp_path / "early").exists()
+
+
+def test_an_export_that_still_waits_at_the_end_is_written(scene: Scene, tmp_path: Path) -> None:
+    with_map(scene).station.export_map(tmp_path / "out")
+    scene.station.close()
+    assert (tmp_path / "out" / "map.glb").is_file()
+
+
 def test_a_goal_becomes_a_path_in_the_robots_frame(scene: Scene) -> None:
     with_map(scene)
     scene.station.go_to(1.4, 1.2)

@@ -101,6 +101,9 @@ class FakeOperator:
     def save_map(self, path: Path) -> None:
         self.calls.append(("save_map", path))
 
+    def export_map(self, folder: Path) -> None:
+        self.calls.append(("export_map", folder))
+
     def open_map(self, path: Path, *, localise: bool) -> None:
         self.calls.append(("open_map", path, localise))
 

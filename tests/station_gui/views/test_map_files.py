@@ -34,6 +34,15 @@ def test_save_map_asks_for_a_file_and_hands_it_on(window, operator, qtbot, tmp_p
     assert window.map_files.dialog is None
 
 
+def test_export_asks_for_a_folder_and_hands_it_on(window, operator, qtbot, tmp_path):
+    qtbot.mouseClick(window.map_files.export_button, Qt.MouseButton.LeftButton)
+    dialog = window.map_files.dialog
+    assert dialog.fileMode() is QFileDialog.FileMode.Directory
+    dialog.setDirectory(str(tmp_path.parent))
+    accept(dialog, tmp_path)
+    assert operator.calls == [("export_map", tmp_path)]
+
+
 @pytest.mark.parametrize(("action", "localise"), [("continue_action", False), ("localise_action", True)])
 def test_open_map_says_what_it_is_opened_for(window, operator, tmp_path, action, localise):
     path = tmp_path / "lab.labmap"

@@ -37,11 +37,11 @@ from station_gui.build import build_station
 from station_gui.comms.state import LinkState
 from station_gui.config import StationConfig
 from station_gui.config import load_config as load_station
+from station_gui.export.map_picture import draw_map
 from station_gui.model.station import Station
 from tools.director import Director, Outcome
 from tools.evaluate.link.timeline_picture import draw_timeline
 from tools.evaluate.summary import summarise
-from tools.pictures import draw_map
 from tools.simulator.devices.mega import MegaError
 from tools.simulator.devices.mega_build import MegaUnavailableError
 from tools.simulator.radio.live import LiveRadiosProcess

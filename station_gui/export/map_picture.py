@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFilter, ImageFont
 
+from station_gui.export.files import write_whole
 from station_gui.mapping.snapshot import OCCUPIED_PROBABILITY, GridMap
 
 FloatArray = NDArray[np.float64]
@@ -61,7 +63,10 @@ class _Frame:
 def draw_map(
     grid: GridMap, trajectory: FloatArray, closures: NDArray[np.int32], path: Path, *, title: str, subtitle: str = ""
 ) -> None:
-    """Write a PNG. `trajectory`: (K, 4) stamp, x, y, theta; `closures`: (L, 2) indices into it."""
+    """Write a PNG with a scale bar; raises `ExportError`.
+
+    `trajectory`: (K, 4) stamp, x, y, theta; `closures`: (L, 2) indices into it.
+    """
     frame, shown = _fit(grid)
     shade = _shade(shown)
     if frame.px_per_m * grid.cell_m < 1:
@@ -84,7 +89,9 @@ def draw_map(
     bottom = _HEADER_PX + frame.height_px
     _draw_scale(draw, frame, _MARGIN_PX, bottom + 34)
     _draw_legend(draw, page.width - _MARGIN_PX, bottom + 34, with_closures=len(closures) > 0)
-    page.save(path)
+    data = io.BytesIO()
+    page.save(data, "PNG")
+    write_whole(path, data.getvalue())
 
 
 def _fit(grid: GridMap) -> tuple[_Frame, FloatArray]:

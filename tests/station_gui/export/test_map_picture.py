@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from station_gui.export.map_picture import draw_map
 from station_gui.mapping.snapshot import GridMap
-from tools.pictures import draw_map
 
 _NO_CLOSURES = np.zeros((0, 2), np.int32)
 

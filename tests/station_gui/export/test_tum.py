@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tools.tum import write_tum
+from station_gui.export.tum import write_tum
 
 
 def test_a_trajectory_is_a_line_per_pose_with_its_heading_as_a_quaternion(tmp_path: Path) -> None:
