@@ -26,9 +26,11 @@ class EdgeConfig:
     min_open_cells: int = 4
     depth_noise: float = 0.0015  # standard deviation at 1 m, in metres; grows with the square of the depth
     # Shorter lines on the floor are left out: what is so small is told by its outline, and they join what stands close.
-    min_contact_m: float = 0.25
+    min_contact_m: float = 0.2
     crease_angle_rad: float = 0.70  # two flat surfaces that meet at a sharper angle make an edge
-    crease_arm_m: float = 0.08  # how much of each surface is looked at
+    # And so do uprights where a face is narrower than six cells; what is narrow and level is told by its outline.
+    narrow_crease_angle_rad: float = 1.2
+    min_step_m: float = 0.025  # between two flat surfaces of which one stands before the other
     floor_height_m: float = 0.02  # what is lower than this belongs to the floor,
     floor_slope: float = 0.012  # and this much more for each metre of distance: the car's pitch under its springs
     sample_spacing_m: float = 0.02  # of the sample nodes along an edge

@@ -1,7 +1,8 @@
 """From a depth image to the points on the edges of things (paper 1, eqs 4-11).
 
 There are three kinds of edges: where a near surface hides a farther one (eqs 7-9 on the near side alone, to the pixel),
-where something stands on the floor, and creases, where two surfaces meet; eqs 7-9 see few of those.
+where something stands on the floor, and creases, where two surfaces meet or one stands a little before the
+other; eqs 7-9 see few of those.
 What is not known is no edge: an object that the image border cuts has none there, and a hole counts as seen through
 only if something farther appears on its other side, or if it is open space, that is reaches down from the upper border
 to something that was measured. So neither a hand before the lens nor a wall nearer than the camera's range makes edges
@@ -10,6 +11,7 @@ on what is behind it, and a wall's top against nothing is one.
 
 from __future__ import annotations
 
+import math
 from typing import Protocol
 
 import numpy as np
@@ -62,7 +64,9 @@ class EdgeCloud:
         self.sample_m, self.sample_weight = tracer.sample_m, tracer.sample_weight
         self.sample_curve, self.sample_detail = tracer.sample_curve, tracer.sample_detail
         self.curve_group, self.curve_extent_m, self.curve_detail = tracer.group, tracer.extent_m, tracer.detail
-        self._inverse, self._bend, self._shift = np.zeros((3, rows, columns), np.float32)
+        self._inverse = np.zeros((rows, columns), np.float32)
+        self._bend, self._shift, self._edge_q = np.zeros((3, 2, rows, columns), np.float32)
+        self._pair = np.zeros(rows * columns, np.float32)
         self._floor, self._marks = np.zeros((2, rows, columns), np.uint8)
         self._open_rows = np.zeros(columns, np.int32)
         self._rank = rng.random((rows, columns), np.float32)
@@ -104,7 +108,9 @@ class EdgeCloud:
         self._find_occluding(depth, unit_m)
         self._find_contact()
         for vertical in (0, 1):
-            self._find_creases(vertical)
+            self._measure_bends(vertical)
+        for vertical in (0, 1):
+            self._find_bends(vertical)
 
     def _find_occluding(self, depth: NDArray[np.uint16], unit_m: float) -> None:
         config = self._config
@@ -150,31 +156,36 @@ class EdgeCloud:
         )
         self._tracer.drop_short(self.edge_m, self.edge_at, first, self.edges, self.lens, self.stride, self.cell_width)
 
-    def _find_creases(self, vertical: int) -> None:
+    def _measure_bends(self, vertical: int) -> None:
         config = self._config
-        curves.measure_creases(
+        curves.measure_bends(
             self._inverse,
             self._inverse.reshape(-1),
             self.slope_y if vertical else self.slope_x,
             self.stride,
             self.stride / self.lens[vertical],
             vertical,
-            config.crease_arm_m,
             config.crease_angle_rad,
+            math.pi if vertical else config.narrow_crease_angle_rad,
+            config.min_step_m,
             config.depth_noise,
-            self._marks,
+            self._pair,
             self._marks.reshape(-1),
-            self._bend,
-            self._shift,
+            self._bend[vertical],
+            self._shift[vertical],
+            self._edge_q[vertical],
         )
-        self.edges = curves.find_creases(
-            self.z,
+
+    def _find_bends(self, vertical: int) -> None:
+        self.edges = curves.find_bends(
             self.slope_x,
             self.slope_y,
             self.stride,
             vertical,
-            self._bend,
-            self._shift,
+            self._bend[vertical],
+            self._bend[1 - vertical],
+            self._shift[vertical],
+            self._edge_q[vertical],
             self.edge_m,
             self.edge_at,
             self.edges,

@@ -42,7 +42,7 @@ class CurveTracer:
         self.detail = np.ones(cells, np.float32)
         self._box_m = np.zeros((cells, 6), np.float32)
         self._near = np.zeros(24, np.int32)
-        self._way = np.zeros((24, 3), np.float32)
+        self._way = np.zeros((24, 5), np.float32)
         self._ends = np.zeros(cells, np.int32)
         self._tail = np.zeros(cells, np.int32)
         self.samples = self.curves = self.points = 0

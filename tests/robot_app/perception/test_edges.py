@@ -135,6 +135,47 @@ def test_two_walls_that_meet_make_a_crease_where_they_meet(world, noise_m: float
     assert np.median(np.abs(edges[:, 0])) < 0.01
 
 
+@pytest.mark.parametrize("depth_m", [0.8, 1.5, 2.0])
+def test_a_front_that_stands_four_centimetres_before_another_has_an_edge(world, depth_m: float) -> None:
+    rng = np.random.default_rng(1)
+    front_m = np.full((480, 640), depth_m + 0.04)
+    front_m[:, :301] = depth_m
+    noisy_m = front_m + rng.normal(0.0, 0.0025, front_m.shape)
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud.update(DepthImage(0.0, np.round(noisy_m / UNIT_M).astype(np.uint16), UNIT_M))
+    edges = edges_of(cloud)
+    columns = edges[:, 0] / edges[:, 2] * world.intrinsics.fx + world.intrinsics.cx
+    assert len(edges) > 80
+    assert np.abs(np.median(columns) - 300.5) < 3.0
+    assert np.quantile(np.abs(edges[:, 2] - depth_m), 0.9) < 0.01
+
+
+def test_a_face_of_five_cells_has_an_edge_on_either_side(world) -> None:
+    slope_x, _ = world.intrinsics.ray_slopes()
+    # A front, a side face turned by 90 degrees to it, and another front, all at 45 degrees to the camera.
+    first, side, second = 1.0 / (1.0 + slope_x), 1.0 / (1.0 - slope_x), 1.09 / (1.0 + slope_x)
+    depth_m = np.broadcast_to(np.where(slope_x < 0.0, first, np.minimum(side, second)), (480, 640))
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud.update(DepthImage(0.0, np.round(depth_m / UNIT_M).astype(np.uint16), UNIT_M))
+    edges = edges_of(cloud)
+    columns = edges[:, 0] / edges[:, 2] * world.intrinsics.fx + world.intrinsics.cx
+    inner = world.intrinsics.cx + world.intrinsics.fx * (0.09 / 2.09)
+    for column in (world.intrinsics.cx, inner):
+        assert np.count_nonzero(np.abs(columns - column) < 3.0) > 80
+
+
+def test_what_is_round_has_no_crease(world) -> None:
+    slope_x = world.intrinsics.ray_slopes()[0][None, :].repeat(480, 0)
+    radius_m, middle_m = 0.06, 1.0
+    square = slope_x**2 + 1.0
+    inside = middle_m**2 - square * (middle_m**2 - radius_m**2)
+    depth_m = np.where(inside > 0.0, (middle_m - np.sqrt(np.maximum(inside, 0.0))) / square, 0.0)
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud.update(DepthImage(0.0, np.round(depth_m / UNIT_M).astype(np.uint16), UNIT_M))
+    edges = edges_of(cloud)
+    assert np.count_nonzero(np.abs(edges[:, 0]) < 0.4 * radius_m) == 0
+
+
 def test_the_floor_alone_has_no_edges(world) -> None:
     cloud = cloud_of(world, world.image([], np.random.default_rng(1)))
     assert cloud.points > 5000

@@ -29,6 +29,8 @@ NEAR_CELLS = 2  # how far the next point of a curve may be
 END_CELLS = 4  # and how far the next piece of an edge that has a gap
 MEET_CELLS = 6  # how far ahead of its end a curve may meet another
 FEW_POINTS = 3
+STEEPEST = 8.0  # how far the next point may lie for each cell in the image, on an edge that runs into the depth,
+LEVEL = 1.0  # and by how many cells a cell the way there and the way back may differ in depth
 SHARPEST = 0.35  # cosine between the ways on from a point of a curve; sharper bends end it
 
 
@@ -99,7 +101,9 @@ def _list_near(
 ) -> int:
     """The points up to `reach` cells round point a of cell (i, j) that may be on its curve; returns how many.
 
-    What lies much deeper is on another edge, which this one hides.
+    `way`: its direction in the image, how far it is, how much deeper (the inverse depth, for that is linear along a
+    straight edge), in cells, and 1 if it is as near as it looks: else it is on an edge that runs into the depth, or on
+    another edge, which this one hides.
     """
     rows, columns = point_at.shape
     u, v = point_uv[a, 0], point_uv[a, 1]
@@ -115,9 +119,11 @@ def _list_near(
                 continue
             cells = math.sqrt(square)
             gap = _gap_cells(point_m, a, b, cell_width)
-            if gap < 1.0 + 1.5 * cells:
+            if gap < 1.0 + STEEPEST * cells:
                 near[count] = b
                 way[count, 0], way[count, 1], way[count, 2] = du / cells, dv / cells, gap
+                way[count, 3] = (point_m[a, 2] / point_m[b, 2] - 1.0) / (cell_width * cells)
+                way[count, 4] = 1.0 if gap < 1.0 + 1.5 * cells else 0.0
                 count += 1
     return count
 
@@ -128,7 +134,7 @@ def choose_neighbours(
 ) -> None:
     """For each point the two others that it most likely lies between: near it, and in opposite directions.
 
-    `near`: (24,), `way`: (24, 3) room to work in: the points round one, and the direction and distance to each.
+    `near`: (24,), `way`: (24, 5) room to work in: the points round one, and the direction and distance to each.
     """
     for i in range(point_at.shape[0]):
         for j in range(point_at.shape[1]):
@@ -145,7 +151,8 @@ def choose_neighbours(
                     for q in range(p):
                         cosine = way[p, 0] * way[q, 0] + way[p, 1] * way[q, 1]
                         cost = way[p, 2] + way[q, 2] + 1.5 * cosine
-                        if cosine < SHARPEST and cost < best:
+                        level = way[p, 4] + way[q, 4] == 2.0 or abs(way[p, 3] + way[q, 3]) < LEVEL
+                        if cosine < SHARPEST and cost < best and level:
                             beside[a, 0], beside[a, 1], best = near[p], near[q], cost
                 if beside[a, 1] >= 0:
                     break
