@@ -17,6 +17,7 @@ from shared.geometry.se2 import Pose2
 from station_gui.mapping.saved_map import SavedMap
 from station_gui.mapping.scan import PointScan
 from station_gui.mapping.slam2d.base import Admits, admit_all
+from station_gui.mapping.slam2d.belief import surprise
 from station_gui.mapping.slam2d.config import GraphSlamConfig
 from station_gui.mapping.slam2d.graph.loop_closure import LoopCloser, edge_information
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
@@ -272,20 +273,12 @@ class GraphSlam:
         config = self._config.match
         predicted = compose(self._pose, prediction.motion)
         weight = 1.0 / np.square(prediction.sigma)
-        if len(lines.points_m) < config.min_points:
-            return Match(predicted, np.diag(weight), 0.0, 0.0)
-        match = self._matcher.match(lines, self._local.current, predicted, weight)
-        away = between(predicted, match.pose) / prediction.sigma
-        self._surprise = float(np.abs(away).max())
-        if not np.isfinite(away).all() or match.share < self._needed_share(self._surprise):
-            return Match(predicted, np.diag(weight), 0.0, 0.0)
-        return match
-
-    def _needed_share(self, away_sigmas: float) -> float:
-        """Of points that fit, for a match to be believed: more where it is far from the prediction."""
-        config = self._config.match
-        far_sigmas = config.far_sigmas * (1 + self._lost_scans)  # the prediction is the older the longer it is lost
-        return config.lost_share + min(1.0, away_sigmas / far_sigmas) * (config.far_share - config.lost_share)
+        if len(lines.points_m) >= config.min_points:
+            match = self._matcher.match(lines, self._local.current, predicted, weight)
+            self._surprise = surprise(predicted, match.pose, prediction.sigma)
+            if self._matcher.believes(match, self._surprise, self._lost_scans):
+                return match
+        return Match(predicted, np.diag(weight), 0.0, 0.0)
 
     def _count_way(self, before: NDArray[np.float64]) -> None:
         step = between(before, self._pose)

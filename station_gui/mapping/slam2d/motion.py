@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from station_gui.mapping.slam2d.belief import odometry_sigma
 from station_gui.mapping.slam2d.config import MatchConfig, MotionConfig
 from station_gui.mapping.slam2d.matching.scan_matcher import Match
 from station_gui.mapping.slam2d.se2_arrays import between
@@ -50,9 +51,7 @@ class MotionModel:
             shift_m, turn_rad = config.silent_shift_m, config.silent_turn_rad
             return Prediction(self._last_step, np.array([shift_m, shift_m, turn_rad]))
         motion = odometry * (self.scale, self.scale, 1.0)
-        shift_m = match.odometry_shift_m + match.odometry_shift_ratio * float(np.hypot(motion[0], motion[1]))
-        turn_rad = match.odometry_turn_rad + match.odometry_turn_ratio * abs(float(motion[2]))
-        return Prediction(motion, np.array([shift_m, shift_m, turn_rad]))
+        return Prediction(motion, odometry_sigma(match, motion))
 
     def learn(self, odometry: FloatArray, before: FloatArray, match: Match) -> None:
         """From a match that is believed; `before`: (3,), the pose that it was predicted from."""

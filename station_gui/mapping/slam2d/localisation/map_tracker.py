@@ -11,6 +11,7 @@ from shared.geometry.se2 import Pose2
 from station_gui.mapping.saved_map import SavedMap
 from station_gui.mapping.scan import PointScan
 from station_gui.mapping.slam2d.base import Admits, MappingError
+from station_gui.mapping.slam2d.belief import odometry_sigma, surprise
 from station_gui.mapping.slam2d.config import GraphSlamConfig
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
 from station_gui.mapping.slam2d.graph.stored import fill
@@ -90,15 +91,11 @@ class MapTracker:
         self._pose = predicted
         if len(lines.points_m) < config.min_points:
             return False
-        shift_m = config.odometry_shift_m + config.odometry_shift_ratio * float(np.hypot(motion[0], motion[1]))
-        turn_rad = config.odometry_turn_rad + config.odometry_turn_ratio * abs(float(motion[2]))
-        sigma = np.array([shift_m, shift_m, turn_rad])
+        sigma = odometry_sigma(config, motion)
         match = self._matcher.match(lines, self._window.current, predicted, 1.0 / np.square(sigma))
         self._fit = 0.0
-        away = self._surprise = float(np.abs(between(predicted, match.pose) / sigma).max())
-        least = config.lost_share
-        needed = least + min(1.0, away / (config.far_sigmas * (1 + self._lost_scans))) * (config.far_share - least)
-        if not np.isfinite(match.pose).all() or match.share < needed:
+        self._surprise = surprise(predicted, match.pose, sigma)
+        if not self._matcher.believes(match, self._surprise, self._lost_scans):
             return False
         self._pose = match.pose
         self._fit = match.share

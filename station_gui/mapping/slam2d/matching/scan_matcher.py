@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from station_gui.mapping.slam2d.belief import needed_share
 from station_gui.mapping.slam2d.config import MatchConfig, NormalConfig
 from station_gui.mapping.slam2d.matching import _kernels
 from station_gui.mapping.slam2d.matching.local_map import LocalMap
@@ -98,6 +99,12 @@ class ScanMatcher:
         start = self.search(scan, local_map, predicted)
         other = self.refine(scan, local_map, start, predicted, prior_weight)
         return other if other.share > found.share + self._config.better_share else found
+
+    def believes(self, match: Match, surprise: float, lost_scans: int) -> bool:
+        """Whether a match that is so far from the prediction, in standard deviations, deserves it."""
+        config = self._config
+        far = surprise / (config.far_sigmas * (1 + lost_scans))  # the prediction is the older the longer it is lost
+        return math.isfinite(far) and match.share >= needed_share(config.lost_share, config.far_share, far)
 
     def refine(
         self,

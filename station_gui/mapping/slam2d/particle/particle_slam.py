@@ -22,6 +22,7 @@ from shared.geometry.se2 import Pose2
 from station_gui.mapping.saved_map import SavedMap
 from station_gui.mapping.scan import PointScan
 from station_gui.mapping.slam2d.base import Admits, admit_all
+from station_gui.mapping.slam2d.belief import surprise
 from station_gui.mapping.slam2d.grid.following_grid import FollowingGrid
 from station_gui.mapping.slam2d.keyframes import Keyframe, Placed
 from station_gui.mapping.slam2d.lines import lines_of
@@ -245,8 +246,7 @@ class ParticleSlam:
         expected = compose(base, predicted)
         match = self._proposer.track(self._best, lines, expected, sigma)
         self._fit = 0.0
-        away = between(expected, match.pose) / sigma
-        self._surprise = float(np.abs(away).max())
+        self._surprise = surprise(expected, match.pose, sigma)
         if not self._proposer.believes(match, expected, sigma):
             return False
         self._rel = between(base, match.pose)

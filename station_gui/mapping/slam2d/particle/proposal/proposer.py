@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from station_gui.mapping.slam2d.belief import needed_share, odometry_sigma, surprise
 from station_gui.mapping.slam2d.matching.scan_matcher import LineScan
 from station_gui.mapping.slam2d.particle.blocks.block_maps import BlockMaps
 from station_gui.mapping.slam2d.particle.matching import _kernels as matching
@@ -83,10 +84,7 @@ class Proposer:
 
     def odometry_sigma(self, motion: FloatArray) -> FloatArray:
         """(3,): standard deviations of a motion, (3,), that odometry measured."""
-        config = self._config
-        shift_m = config.odometry_shift_m + config.odometry_shift_ratio * float(np.hypot(motion[0], motion[1]))
-        turn_rad = config.odometry_turn_rad + config.odometry_turn_ratio * abs(float(motion[2]))
-        return np.array([shift_m, shift_m, turn_rad])
+        return odometry_sigma(self._config, motion)
 
     def track(self, particle: int, scan: LineScan, predicted: FloatArray, sigma: FloatArray) -> Matched:
         """The match alone; the neighbourhood is searched where the prediction does not fit."""
@@ -99,13 +97,9 @@ class Proposer:
 
     def believes(self, match: Matched, predicted: FloatArray, sigma: FloatArray) -> bool:
         """Whether a match deserves it: the farther it is from the prediction the better it has to fit."""
-        if not np.isfinite(match.pose).all():
-            return False
-        away = match.pose - predicted
-        away[2] = math.remainder(float(away[2]), math.tau)
         config = self._config
-        far = min(1.0, float((np.abs(away) / sigma).max()) / config.far_sigmas)
-        return match.share >= config.lost_share + far * (config.doubtful_share - config.lost_share)
+        far = surprise(predicted, match.pose, sigma) / config.far_sigmas
+        return math.isfinite(far) and match.share >= needed_share(config.lost_share, config.doubtful_share, far)
 
     def may_mislead(self, apart: FloatArray, sigma: FloatArray) -> bool:
         """Whether a match, (3,) `apart` from the odometry, says too little about where other particles are.
