@@ -6,7 +6,7 @@ edges are, and an edge is when along half of what can be seen of it a nearly upr
 `phantom_objects`: those that lie farther than 10 cm from every true surface over more than half of their length.
 `height_error_m`: RMS, over the found things whose upper rim was in view, of the highest point of the map that is
 nearer to this thing than to any other, against its true height. `edge_rmse_m`: of every 2 cm of the nearly upright
-edges in the map that are within 10 cm of a true one that can be seen, how far they are from it, across.
+edges in the map that are within 10 cm of a corner of anything true, how far they are from it, across.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def object_error(objects: ObjectMap, world: TrueWorld, things: SeenThings) -> Ob
     names = [world.scenario.items[k].name for k in things.items if k not in found]
     return ObjectError(
         object_rmse_m=_rms(off_m),
-        edge_rmse_m=_rms(_across_m(upright_m, things.edges)),
+        edge_rmse_m=_rms(_across_m(upright_m, world.corner_lines_m())),
         object_recall=len(found) / len(things.items) if things.items else math.nan,
         phantom_objects=_phantoms(off_m, objects.cluster[segment]),
         height_error_m=_height_error_m(points_m[off_m < _PHANTOM_M], world, things, found),
@@ -97,13 +97,11 @@ def _found_items(things: SeenThings, found_edges: list[bool]) -> set[int]:
     return {item for item, hits in of_item.items() if sum(hits) >= _ITEM_SHARE * len(hits)}
 
 
-def _across_m(upright_m: NDArray[np.floating], edges: list[TrueEdge]) -> FloatArray:
+def _across_m(upright_m: NDArray[np.floating], corner_lines_m: FloatArray) -> FloatArray:
     """Level distances of what the map has to the nearest true edge, where there is one."""
-    if len(upright_m) == 0 or not edges:
-        return np.zeros(0)
     points_m = sampled(upright_m, STEP_M)[0]
-    true_m = np.concatenate([edge.seen_m for edge in edges])
-    distance_m, nearest = cKDTree(true_m).query(points_m, distance_upper_bound=_PHANTOM_M)
+    true_m = sampled(corner_lines_m, STEP_M)[0]
+    distance_m, nearest = cKDTree(true_m).query(points_m.reshape(-1, 3), distance_upper_bound=_PHANTOM_M)
     known = np.isfinite(distance_m)
     off_m = points_m[known, :2] - true_m[nearest[known], :2]
     return np.asarray(np.hypot(off_m[:, 0], off_m[:, 1]), dtype=np.float64)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tools.evaluate.mapping._kernels import nearest_surface, seen_by_camera
 from tools.simulator.scenario import Scenario
-from tools.simulator.solids import Solid, item_solids, wall_solids
+from tools.simulator.solids import Solid, item_solids, solids_of, wall_solids
 
 FloatArray = NDArray[np.float64]
 
@@ -34,6 +34,14 @@ class TrueWorld:
     def nearest_item(self, points_m: FloatArray) -> NDArray[np.int64]:
         """(N,): the item with the nearest surface, -1 for a wall."""
         return self.item[self._nearest(points_m)[1]]
+
+    def corner_lines_m(self) -> FloatArray:
+        """(E, 2, 3): the four upright edges of everything, room frame, whether they can be seen or not."""
+        lines = []
+        for solid in solids_of(self.scenario):
+            low_m, high_m = solid.center_m[2] - solid.half_m[2], solid.center_m[2] + solid.half_m[2]
+            lines += [[(x, y, low_m), (x, y, high_m)] for x, y in solid.corners_m().tolist()]
+        return np.array(lines)
 
     def _nearest(self, points_m: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
         distance_m, nearest = np.empty(len(points_m)), np.zeros(len(points_m), np.int64)
