@@ -170,6 +170,7 @@ class RobotApp:
         self._control_s = now_s
         slow = self._uplink.path is LinkPath.RADIO
         safety = self._config.safety
+        self._mission.slow_link = slow
         self._guard.silence_limit_s = safety.command_silence_radio_s if slow else safety.command_silence_s
         scan = self._scan.stamped()
         if scan is not None:

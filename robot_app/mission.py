@@ -28,7 +28,8 @@ from shared.messages import (
 class MissionConfig:
     lap_overlap_m: float = 0.8  # driven on after coming round, so that SLAM sees the beginning twice
     lap_max_distance_m: float = 80.0  # whoever has not come round by then will not
-    drive_hold_s: float = 0.5  # a drive command holds for so long
+    drive_hold_s: float = 0.5  # a drive command holds for so long …
+    drive_hold_radio_s: float = 1.2  # … and over LoRa, where one comes with each turn
     max_path_step_m: float = 0.5  # a path with wider gaps is no path
     max_path_m: float = 500.0
 
@@ -61,6 +62,7 @@ class Mission:
     """Commands and progress in, behaviour out; safe to call from any thread."""
 
     def __init__(self, config: MissionConfig) -> None:
+        self.slow_link = False  # LoRa alone carries the commands
         self._config = config
         self._lock = threading.RLock()
         self._state = MissionState.IDLE
@@ -173,7 +175,8 @@ class Mission:
             return Answer(False, "press start before driving by hand")
         motion = Motion(command.speed_mps, command.steering_rad)
         self._order = None  # who takes the wheel has other plans than the path
-        self._drive = (motion, now_s + self._config.drive_hold_s)
+        hold_s = self._config.drive_hold_radio_s if self.slow_link else self._config.drive_hold_s
+        self._drive = (motion, now_s + hold_s)
         return _YES
 
     def _forget_orders(self) -> None:

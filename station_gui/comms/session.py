@@ -12,15 +12,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-
-from shared.link.base import MAX_DATAGRAM_BYTES, Lane, Link, LinkError, LinkHealth, LinkPath
+from shared.link.base import Lane, Link, LinkError, LinkHealth, LinkPath
 from shared.messages import (
     Ack,
     Command,
     Drive,
     EmergencyStop,
-    GoTo,
     Heartbeat,
     KeyframeWanted,
     NumberedCommand,
@@ -32,6 +29,8 @@ from shared.protocol.codec import encode
 from shared.protocol.observations import MessageDecoder, Received
 from shared.protocol.wire import VERSION
 from shared.runtime.clock import Clock
+from station_gui.comms.commands import HEARTBEAT_SLOT, KEYFRAME_SLOT, Pending, datagram_of, send
+from station_gui.comms.radio_watch import RadioWatch
 from station_gui.comms.state import LinkState, Severity
 
 
@@ -68,26 +67,11 @@ class Listener(Protocol):
     def on_event(self, severity: Severity, text: str) -> None: ...
 
 
-@dataclass(slots=True)
-class _Pending:
-    number: int
-    command: Command
-    datagram: bytes
-    sent_s: float = -math.inf
-    tries: int = 0
-
-    @property
-    def is_stop(self) -> bool:
-        return isinstance(self.command, Stop | EmergencyStop)
-
-
 Connect = Callable[[], Link]
 _MAX_PENDING = 32
 _NEW_HANDS = 1 << 20  # a jump of the numbers by which the robot knows another station
 _DATAGRAMS_PER_STEP = 256
-_HEARTBEAT_SLOT, _DRIVE_SLOT, _KEYFRAME_SLOT = 0, 1, 2  # of the newest
 _KEYFRAME_AGAIN_S = 2.0
-_BRIEF_SPACING_M = 0.1  # of the points of a path on LoRa, as `GoTo` asks for
 
 
 class Session:
@@ -112,9 +96,10 @@ class Session:
         self._generation = 0  # grows with every connect() and disconnect()
         self._link_generation = 0
         self._state = LinkState.DISCONNECTED
-        self._pending: list[_Pending] = []  # in the order in which they are sent; under the lock
+        self._pending: list[Pending] = []  # in the order in which they are sent; under the lock
         self._decoder = MessageDecoder(compact=False)
         self._keyframe_wanted_s = -math.inf
+        self._radios = RadioWatch()
         self._heard_s = 0.0
         self._heartbeat_s = -math.inf
         self._next_try_s = -math.inf
@@ -181,7 +166,7 @@ class Session:
             if isinstance(command, Stop) and any(isinstance(p.command, EmergencyStop) for p in self._pending):
                 return True  # the stronger one is on its way
             number = self._next_number()
-            pending = _Pending(number, command, _datagram(number, command))
+            pending = Pending(number, command, datagram_of(number, command))
             if isinstance(command, Drive):  # only the newest counts
                 self._pending = [p for p in self._pending if not isinstance(p.command, Drive)]
             if is_stop:
@@ -205,9 +190,14 @@ class Session:
             self._check_silence(link)
         except LinkError as error:
             self._lost(str(error))
+        self._tell_changes(link)
+
+    def _tell_changes(self, link: Link) -> None:
+        """Of the path, and of our radios."""
         while link.events:
-            event = link.events.popleft()
-            self._listener.on_event(Severity.INFO, event.reason)
+            self._listener.on_event(Severity.INFO, link.events.popleft().reason)
+        for severity, text in self._radios.news(link, self._clock.now_s()):
+            self._listener.on_event(severity, text)
 
     def close(self) -> None:
         """Let go of the link; the session may be used again."""
@@ -252,6 +242,7 @@ class Session:
         self._heartbeat_s = -math.inf
         self._told_version = False
         self._decoder = MessageDecoder(compact=link.health.is_secret)
+        self._radios = RadioWatch()
 
     def _receive(self, link: Link) -> None:
         for _ in range(_DATAGRAMS_PER_STEP):
@@ -321,19 +312,19 @@ class Session:
         may_live = connected and self._operator_is_there() and not any(p.is_stop for p in waiting)
         if may_live and now_s - self._heartbeat_s >= self._config.heartbeat_s:
             self._heartbeat_s = now_s
-            link.send(_datagram(self._next_number(), Heartbeat()), Lane.NEWEST, _HEARTBEAT_SLOT)
+            link.send(datagram_of(self._next_number(), Heartbeat()), Lane.NEWEST, HEARTBEAT_SLOT)
         if self._decoder.wants_keyframe and now_s - self._keyframe_wanted_s >= _KEYFRAME_AGAIN_S:
             self._keyframe_wanted_s = now_s
-            link.send(encode(KeyframeWanted()), Lane.NEWEST, _KEYFRAME_SLOT)
+            link.send(encode(KeyframeWanted()), Lane.NEWEST, KEYFRAME_SLOT)
 
-    def _send_or_give_up(self, link: Link, pending: _Pending, now_s: float) -> None:
+    def _send_or_give_up(self, link: Link, pending: Pending, now_s: float) -> None:
         if pending.tries >= self._config.tries and not pending.is_stop:
             with self._lock:
                 if pending in self._pending:
                     self._pending.remove(pending)
             name = type(pending.command).__name__
             self._listener.on_event(Severity.ERROR, f"{name} was not answered after {pending.tries} tries")
-        elif _send(link, pending):
+        elif send(link, pending):
             pending.sent_s = now_s
             pending.tries += 1
 
@@ -371,39 +362,3 @@ class Session:
         self._listener.on_event(
             Severity.ERROR, f"link lost: {reason}{tail}. The robot stands until the link is back; reconnecting."
         )
-
-
-def _send(link: Link, pending: _Pending) -> bool:
-    command = pending.command
-    if isinstance(command, Drive):
-        return link.send(pending.datagram, Lane.NEWEST, _DRIVE_SLOT)
-    brief = encode(NumberedCommand(pending.number, _thinned(command)), brief=True)
-    return link.send(pending.datagram, Lane.NOW if pending.is_stop else Lane.COMMAND, for_radio=lambda: brief)
-
-
-def _thinned(command: Command) -> Command:
-    """A path with as few points as the robot needs; where it changes its direction stays."""
-    if not isinstance(command, GoTo) or len(command.path) < 3:
-        return command
-    steps = np.diff(command.path[:, :2], axis=0)
-    headings = command.path[:-1, 2]
-    forward = steps[:, 0] * np.cos(headings) + steps[:, 1] * np.sin(headings) >= 0
-    lengths = np.hypot(steps[:, 0], steps[:, 1])
-    kept, gone_m = [0], 0.0
-    for i in range(1, len(command.path) - 1):
-        gone_m += float(lengths[i - 1])
-        if gone_m + float(lengths[i]) > _BRIEF_SPACING_M or forward[i] != forward[i - 1]:
-            kept.append(i)
-            gone_m = 0.0
-    return GoTo(command.goal_id, command.path[[*kept, len(command.path) - 1]])
-
-
-def _datagram(number: int, command: Command) -> bytes:
-    """Raises `ValueError` for a command that does not fit on the wire."""
-    try:
-        datagram = encode(NumberedCommand(number, command))
-    except OverflowError as error:
-        raise ValueError(str(error)) from error
-    if len(datagram) > MAX_DATAGRAM_BYTES:
-        raise ValueError(f"{len(datagram)} bytes are more than a datagram holds")
-    return datagram

@@ -90,11 +90,15 @@ def test_a_path_with_a_gap_is_refused(mission: Mission, far_m: float) -> None:
     assert "gap" in answer.reason
 
 
-def test_driving_by_hand_holds_for_half_a_second(mission: Mission) -> None:
+def test_driving_by_hand_holds_for_half_a_second_and_longer_over_lora(mission: Mission) -> None:
     in_command(mission).handle(Drive(0.2, 0.1), 5.0)
     assert mission.behaviour(5.4) is Behaviour.BY_HAND
     assert mission.behaviour(5.6) is Behaviour.STAND
     assert mission.hand_motion(5.6) is None
+    mission.slow_link = True
+    mission.handle(Drive(0.2, 0.1), 6.0)
+    assert mission.behaviour(7.1) is Behaviour.BY_HAND
+    assert mission.behaviour(7.3) is Behaviour.STAND
 
 
 def test_driving_by_hand_needs_a_running_mission(mission: Mission) -> None:

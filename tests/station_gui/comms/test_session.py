@@ -1,13 +1,24 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import zlib
 from collections import deque
 
 import numpy as np
 import pytest
 
-from shared.link.base import ForRadio, Lane, Link, LinkError, LinkHealth, LinkPath, LinkStatistics, PathChanged
+from shared.link.base import (
+    ForRadio,
+    Lane,
+    Link,
+    LinkError,
+    LinkHealth,
+    LinkPath,
+    LinkStatistics,
+    PathChanged,
+    RadioHealth,
+)
 from shared.link.loopback import LoopbackLink, loopback_pair
 from shared.messages import (
     Ack,
@@ -481,6 +492,23 @@ def test_changes_of_the_path_are_told(over_lora: Session, lora: OverLora, heard:
     over_lora.step()
     assert heard.events[-1] == "Wi-Fi: it is steadily there; using Wi-Fi"
     assert over_lora.path is LinkPath.RADIO
+
+
+def test_the_operator_is_told_how_the_radios_do(
+    over_lora: Session, lora: OverLora, heard: Heard, clock: ManualClock
+) -> None:
+    good, silent = RadioHealth(True, -70.0), RadioHealth(False, math.nan)
+    gone = RadioHealth(False, math.nan, "/dev/ttyUSB1: there is no such port")
+    for radios in ((silent, gone), (good, gone), (good, gone), (silent, good)):
+        lora.health = LinkHealth(lora=True, radios=radios)
+        run(over_lora, clock, 1.0)
+    told = [e for e in heard.events if e.startswith("radio")]
+    assert told == [
+        "radio B: /dev/ttyUSB1: there is no such port",
+        "radio A: operates",
+        "radio A: the module does not answer",
+        "radio B: operates",
+    ]
 
 
 def test_observations_that_cannot_be_followed_make_it_want_a_keyframe(
