@@ -17,7 +17,8 @@ class LatticeConfig:
     cell_m: float = 0.05
     max_states: int = 12_000_000  # the search's cells grow with the map beyond this
     expansions: int = 8_000  # for a way that is cheaper than one that is known
-    max_expansions: int = 60_000  # for any way
+    max_expansions: int = 100_000  # for any way
+    batch: int = 2_000  # between two looks at the clock
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +44,7 @@ class PlannerConfig:
     lattice: LatticeConfig = field(default_factory=LatticeConfig)
     tree: TreeConfig = field(default_factory=TreeConfig)
     timeout_s: float = 0.4  # then the best way so far is taken
+    give_up_s: float = 2.0  # where none is known by then
     margin_m: float = 0.05  # kept from everything; the robot itself insists on 3 cm
     check_margin_m: float = 0.02  # a path stays free while this much is left of it
     comfort_m: float = 0.15  # beyond the margin; a path costs more where there is less

@@ -17,9 +17,10 @@ from station_gui.mapping.snapshot import GridMap
 from station_gui.planning.config import PlannerConfig
 from station_gui.planning.costmap import Costmap, make_costmap
 from station_gui.planning.guide import Guide, coarsening, make_guide
-from station_gui.planning.lattice import _kernels as lattice
+from station_gui.planning.lattice.search import LatticeSearch
 from station_gui.planning.road import MOST_ELEMENTS, Road, body_clearance_m, walk
-from station_gui.planning.rrt import Target, Tree
+from station_gui.planning.rrt import Tree
+from station_gui.planning.target import Target
 
 
 class Refusal(Enum):
@@ -82,8 +83,7 @@ class PathPlanner:
         road = self._road(costmap, map_from_robot)
         goal = Target(np.array([*goal_m, goal_heading_rad or 0.0]), goal_heading_rad is None)
         guide = self._guide(costmap, road, goal)
-        until_s = self._now_s() + self._config.timeout_s
-        elements = self._way(road, guide, goal, lambda: self._now_s() > until_s)
+        elements = self._way(road, guide, goal, self._timer(self._config.timeout_s))
         path = walk(map_from_robot, elements, self._config.spacing_m)
         return Plan(
             path,
@@ -118,14 +118,17 @@ class PathPlanner:
         """A way, (M, 2): that of RRT, or a cheaper one of the lattice, which alone can tell that there is none."""
         config = self._config
         found = self._explore(road, guide, goal, config.tree.first_samples, time_is_up)
-        lattice = config.lattice
         if found is None:
-            searched = self._search(road, guide, goal, lattice.max_expansions, math.inf)
+            search = LatticeSearch(road, guide, goal, config.lattice, config.lattice.max_expansions, math.inf)
+            searched = search.find(self._timer(config.give_up_s))
         else:
-            searched = self._search(road, guide, goal, lattice.expansions, road.cost(found))
+            search = LatticeSearch(road, guide, goal, config.lattice, config.lattice.expansions, road.cost(found))
+            searched = search.find(time_is_up)
+        if searched is not None:
+            searched = road.shorten(searched, goal.pose, goal.free_heading)
         ways = [way for way in (found, searched) if way is not None]
         if not ways:
-            raise PlanningError(Refusal.NO_WAY)
+            raise PlanningError(Refusal.NO_WAY if search.exhausted else Refusal.NOT_FOUND)
         return min(ways, key=road.cost)
 
     def _explore(
@@ -134,6 +137,11 @@ class PathPlanner:
         """The way by RRT, (M, 2), shortened."""
         way = Tree(road, guide, goal, self._config.tree, samples + 1).find(samples, time_is_up)
         return None if way is None else road.shorten(way, goal.pose, goal.free_heading)
+
+    def _timer(self, seconds: float) -> Callable[[], bool]:
+        """Tells whether so much time has passed since now."""
+        until_s = self._now_s() + seconds
+        return lambda: self._now_s() > until_s
 
     def _check_goal(self, costmap: Costmap, goal_m: tuple[float, float]) -> None:
         cell = costmap.cell_of(*goal_m)
@@ -171,30 +179,6 @@ class PathPlanner:
         if not guide.connected:
             raise PlanningError(Refusal.NO_WAY)
         return guide
-
-    def _search(
-        self, road: Road, guide: Guide, goal: Target, expansions: int, limit: float
-    ) -> NDArray[np.float64] | None:
-        """The way by hybrid A*, (M, 2), shortened, if it costs less than `limit`."""
-        config = self._config.lattice
-        elements = np.zeros((MOST_ELEMENTS, 2))
-        count = lattice.search(
-            road.field_m,
-            road.frame,
-            road.car,
-            road.start,
-            road.costs,
-            goal.pose,
-            goal.free_heading,
-            guide.to_goal_m,
-            guide.cell_m,
-            config.headings,
-            config.step_m,
-            expansions,
-            limit,
-            elements,
-        )
-        return None if count == 0 else road.shorten(elements[:count], goal.pose, goal.free_heading)
 
     def _clearance_m(self, costmap: Costmap, path: NDArray[np.float64]) -> float:
         frame = np.array([*costmap.origin_m, costmap.cell_m])

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,18 +17,11 @@ from station_gui.planning.config import TreeConfig
 from station_gui.planning.guide import Guide
 from station_gui.planning.road import MOST_ELEMENTS, Road, split, walk
 from station_gui.planning.steering._kernels import change_cost
+from station_gui.planning.target import Target
 from station_gui.planning.tree import _kernels
 
 _EDGE_M = 0.5  # of the way that is known already
 _PATH_POINT_M = 0.05
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Target:
-    """`pose`: (3,); its heading does not matter where it is free."""
-
-    pose: NDArray[np.float64]
-    free_heading: bool
 
 
 class Tree:

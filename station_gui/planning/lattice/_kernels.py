@@ -21,6 +21,7 @@ from station_gui.planning.steering._kernels import (
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Singles = NDArray[np.float32]
 _TURN = 2.0 * math.pi
 
 
@@ -111,47 +112,41 @@ def search(
     way_cell: float,
     headings: int,
     step_m: float,
-    max_expansions: int,
-    limit: float,
-    elements: Floats,
-) -> int:
-    """Hybrid A* (Dolgov et al. 2010): write the elements of a way to the goal that costs less than `limit`; returns
-    their count, 0 if there is none.
+    expansions: int,
+    nodes: Floats,
+    led: Floats,
+    parents: Ints,
+    best: Singles,
+    keys: Floats,
+    items: Ints,
+    counts: Ints,
+    final: Floats,
+    final_cost: float,
+) -> float:
+    """Hybrid A* (Dolgov et al. 2010), so many expansions of it; returns the cost of the best way that is known.
 
-    `way_m` guides: the way to the goal of a point, on a coarser grid with cells of `way_cell`.
+    `way_m` guides: the way to the goal of a point, on a coarser grid with cells of `way_cell`. All from `nodes` on is
+    the state of the search: `nodes` (N, 4) x, y, theta, cost so far; `led` (N, 2) the element that led there;
+    `best` the least cost of each cell and heading; `counts` (3,) of nodes, of the heap, and the node from which the
+    elements `final` (5, 2) lead to the goal. The search has ended when its heap is empty.
     """
     rows, columns = way_m.shape
-    pool = 6 * max_expansions + 16
-    nodes = np.empty((pool, 4))  # x, y, theta, cost so far
-    led = np.zeros((pool, 2))  # the element that led here
-    parents = np.empty(pool, np.int64)
-    parents[0] = -1
-    best = np.empty(rows * columns * headings, np.float32)
-    best.fill(math.inf)
-    keys = np.empty(pool)
-    items = np.empty(pool, np.int64)
     pose = np.empty(3)
     tail = np.zeros((5, 2))
-    final = np.zeros((5, 2))
     table = np.empty((44, 5, 2))
-    final_cost = limit
-    final_node = -1
-    nodes[0, 0] = start[0]
-    nodes[0, 1] = start[1]
-    nodes[0, 2] = start[2]
-    nodes[0, 3] = 0.0
-    count = 1
-    size = heap_push(keys, items, 0, 0.0, 0)
-    expansions = 0
-    while size > 0 and expansions < max_expansions:
+    count = counts[0]
+    size = counts[1]
+    for expansion in range(expansions):
+        if size == 0:
+            break
         size = heap_pop(keys, items, size)
         node = items[size]
         if keys[size] >= final_cost:
+            size = 0
             break
-        expansions += 1
         i = min(max(int((nodes[node, 1] - frame[1]) / way_cell), 0), rows - 1)
         j = min(max(int((nodes[node, 0] - frame[0]) / way_cell), 0), columns - 1)
-        if way_m[i, j] < 1.0 or expansions % 10 == 1:
+        if way_m[i, j] < 1.0 or expansion % 10 == 0:
             copy_pose(nodes[node], pose)
             cost = best_connection(
                 field_m, frame, car, start, costs, pose, led[node], goal, free_heading,
@@ -159,7 +154,7 @@ def search(
             )  # fmt: skip
             if nodes[node, 3] + cost < final_cost:
                 final_cost = nodes[node, 3] + cost
-                final_node = node
+                counts[2] = node
                 copy_elements(tail, final, 5)
         for move in range(6):
             curvature = costs[4] * (move % 3 - 1)
@@ -167,7 +162,7 @@ def search(
             copy_pose(nodes[node], pose)
             cost = nodes[node, 3] + change_cost(costs, led[node, 0], led[node, 1], curvature, length)
             cost += drive_element(field_m, frame, car, start, costs, pose, curvature, length)
-            if cost >= final_cost or count >= pool:
+            if cost >= final_cost or count >= len(nodes):
                 continue
             i = int((pose[1] - frame[1]) / way_cell)
             j = int((pose[0] - frame[0]) / way_cell)
@@ -187,13 +182,13 @@ def search(
             parents[count] = node
             size = heap_push(keys, items, size, cost + way_m[i, j], count)
             count += 1
-    if final_node < 0:
-        return 0
-    return _unwind(parents, led, final_node, final, elements)
+    counts[0] = count
+    counts[1] = size
+    return final_cost
 
 
 @njit(nogil=True, cache=True)
-def _unwind(parents: Ints, led: Floats, node: int, final: Floats, elements: Floats) -> int:
+def unwind(parents: Ints, led: Floats, node: int, final: Floats, elements: Floats) -> int:
     """Write the elements from the root to `node` and then those of the final connection; returns their count."""
     depth = 0
     at = node

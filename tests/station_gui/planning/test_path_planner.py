@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from shared.geometry.ackermann import CarGeometry
 from shared.geometry.se2 import Pose2, wrap_angle
 from station_gui.mapping.snapshot import GridMap
-from station_gui.planning.config import PlannerConfig
+from station_gui.planning.config import PlannerConfig, TreeConfig
 from station_gui.planning.path_planner import PathPlanner, Plan, PlanningError, Refusal
 
 CAR = CarGeometry(0.26, 0.17, 0.04, 0.5, 0.305, 0.045, 0.20)
@@ -43,8 +43,13 @@ def _touched(path: NDArray[np.float64], grid: GridMap) -> bool:
     return False
 
 
+def _never() -> float:
+    """A clock that stands: no time is ever up."""
+    return 0.0
+
+
 def _plan(grid: GridMap, start: Pose2, goal: tuple[float, float], heading: float | None = None) -> Plan:
-    return PathPlanner(CAR, PlannerConfig()).plan(grid, start, goal, heading)
+    return PathPlanner(CAR, PlannerConfig(), _never).plan(grid, start, goal, heading)
 
 
 def test_the_path_goes_round_an_obstacle_without_touching_it() -> None:
@@ -143,3 +148,48 @@ def test_the_same_map_gives_the_same_path_to_the_last_bit() -> None:
     first = _plan(grid, Pose2(0.7, 3.0, 1.0), (3.2, 3.0))
     second = _plan(grid, Pose2(0.7, 3.0, 1.0), (3.2, 3.0))
     np.testing.assert_array_equal(first.path, second.path)
+
+
+def test_rrt_as_in_the_paper_finds_a_path_too_though_a_dearer_one() -> None:
+    grid, start, goal = _grid((1.5, 0.8, 2.0, 4.0)), Pose2(0.7, 3.0, -1.57), (3.2, 3.0)
+    plan = PathPlanner(CAR, PlannerConfig(method="rrt"), _never).plan(grid, start, goal)
+    np.testing.assert_allclose(plan.path[-1, :2], goal, atol=1e-6)
+    assert not _touched(plan.path, grid)
+    assert plan.cost_m >= _plan(grid, start, goal).cost_m
+
+
+def test_another_seed_may_take_another_path_but_not_a_much_dearer_one() -> None:
+    grid, start, goal = _grid((1.5, 0.8, 2.0, 4.0)), Pose2(0.7, 3.0, -1.57), (3.2, 3.0)
+    costs = [
+        PathPlanner(CAR, PlannerConfig(tree=TreeConfig(seed=seed)), _never).plan(grid, start, goal).cost_m
+        for seed in (1, 2, 3)
+    ]
+    assert max(costs) < 1.05 * min(costs)
+
+
+def test_when_the_time_is_up_the_best_way_so_far_is_taken_and_without_one_the_goal_is_refused() -> None:
+    grid, start, goal = _grid((1.5, 0.8, 2.0, 4.0)), Pose2(0.7, 3.0, -1.57), (3.2, 3.0)
+    hurried = PathPlanner(CAR, PlannerConfig(timeout_s=0.0), _Ticking()).plan(grid, start, goal)
+    np.testing.assert_allclose(hurried.path[-1, :2], goal, atol=1e-6)
+    assert hurried.cost_m >= _plan(grid, start, goal).cost_m
+    with pytest.raises(PlanningError, match="in time"):
+        PathPlanner(CAR, PlannerConfig(timeout_s=0.0, give_up_s=0.0), _Ticking()).plan(grid, start, goal)
+
+
+class _Ticking:
+    """A clock that goes on by a millisecond at each look."""
+
+    def __init__(self) -> None:
+        self._now_s = 0.0
+
+    def __call__(self) -> float:
+        self._now_s += 0.001
+        return self._now_s
+
+
+def test_the_true_rectangle_passes_where_a_circle_round_the_car_would_not() -> None:
+    grid = _grid((1.8, 0.0, 2.2, 1.82), (1.8, 2.18, 2.2, 4.0))  # a gap of 36 cm
+    plan = _plan(grid, Pose2(0.7, 2.0, 0.0), (3.2, 2.0))
+    assert plan.length_m == pytest.approx(2.5, abs=0.02)
+    assert plan.clearance_m == pytest.approx(0.08, abs=0.012)
+    assert plan.clearance_m >= PlannerConfig().margin_m

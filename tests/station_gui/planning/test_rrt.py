@@ -6,7 +6,8 @@ from station_gui.planning.config import TreeConfig
 from station_gui.planning.costmap import Costmap
 from station_gui.planning.guide import Guide, make_guide
 from station_gui.planning.road import Road
-from station_gui.planning.rrt import Target, Tree
+from station_gui.planning.rrt import Tree
+from station_gui.planning.target import Target
 
 _COSTS = np.array([1.6, 0.3, 0.03, 2.0, 1.8])
 _GOAL = Target(np.array([3.2, 3.0, 0.0]), free_heading=True)

@@ -1,0 +1,16 @@
+"""Where a path is to end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Target:
+    """`pose`: (3,), map frame; its heading does not matter where it is free."""
+
+    pose: NDArray[np.float64]
+    free_heading: bool
