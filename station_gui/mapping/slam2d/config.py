@@ -111,9 +111,9 @@ class LoopConfig:
     min_score: float = 0.55  # mean likelihood of branch and bound
     min_inlier_share: float = 0.7
     max_partial_search_m: float = 1.5  # so near a place is also known from another side, of which little is in its map:
-    min_partial_score: float = 0.45
-    min_partial_share: float = 0.4
-    max_through_share: float = 0.08  # in space that was seen free, of the points that the place says something of
+    min_partial_score: float = 0.35
+    min_partial_share: float = 0.35
+    max_through_share: float = 0.12  # in space that was seen free, of the points that the place says something of
     min_held_share: float = 0.06  # of all points, that hold the weaker direction
     through_margin_m: float = 0.15
     through_margin_ratio: float = 0.02
