@@ -158,7 +158,7 @@ def scan_times_s(arrival_s: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.maximum.accumulate(late_s + turns_s) - _SCAN_LAG_S)
 
 
-def true_m(measured_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def true_m(measured_m: NDArray[np.floating]) -> NDArray[np.float64]:
     """Distances without the scanner's own error: 8 cm too long near 2.8 m, right at 1.4 m.
 
     Found without a map or wheels: distances of pairs of scans, some tenths of a metre or tens of degrees apart, that
