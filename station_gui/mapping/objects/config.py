@@ -47,7 +47,7 @@ class FusionConfig:
     gap_m: float = 0.12  # along: over a longer gap an edge is not continued
     turn_rad: float = math.radians(15.0)
     longest_m: float = 2.5  # a longer level edge is kept in pieces
-    views: int = 24  # of an edge that are kept, the best; bounds time and memory
+    views: int = 40  # of an edge that are kept, the best; bounds time and memory
     noise_m: float = 0.008  # of an edge seen from near: pose and extraction …
     noise_per_m: float = 0.004  # … and for each metre of distance
     hit_log_odds: float = 0.85  # seen …
@@ -92,6 +92,8 @@ class SurfaceConfig:
 
     join_m: float = 0.06  # an edge's end so near another one meets it
     floor_m: float = 0.08  # what begins lower stands on the floor
+    over_cell_m: float = 0.03  # an edge so near over an occupied cell goes on down to the floor
+    longest_chord_m: float = 0.45  # a longer edge between two walls is one
     wall_height_m: float = 0.5  # of what only the 2D map knows
     tile_m: float = 1.0  # of the 2D map: what has not changed is not looked at again
     flat_gap_m: float = 0.12  # occupied cells farther apart are two walls
@@ -104,8 +106,8 @@ class SurfaceConfig:
 class CombineConfig:
     # Of the paper's five, to see what each is good for. Without 2, every network is shown as it came.
     steps: tuple[int, ...] = (1, 2, 3, 4, 5)
-    keep_every_m: float = 0.10  # a network is taken when the robot has moved so far …
-    keep_every_rad: float = 0.17  # … or turned so much since the last one …
+    keep_every_m: float = 0.05  # a network is taken when the robot has moved so far …
+    keep_every_rad: float = 0.09  # … or turned so much since the last one …
     look_every_s: float = 1.0  # … and what stands still is looked at so often
     most_networks: int = 4000  # of step 1 alone; the oldest give way
     edges_at_once: int = 16  # placed again with each observation after a closure

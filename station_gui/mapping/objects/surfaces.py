@@ -15,7 +15,7 @@ from station_gui.mapping.objects.fronts import Front, fronts_of
 from station_gui.mapping.objects.fusing.fused_edges import Edges
 from station_gui.mapping.objects.kinds import kinds_of
 from station_gui.mapping.objects.ransac.ransac import LineFitter
-from station_gui.mapping.objects.wires import Wires, tidied
+from station_gui.mapping.objects.wires import Wires, standing, tidied, without_chords
 from station_gui.mapping.snapshot import NO_OBJECTS, ObjectKind, ObjectMap, Panels
 
 FloatArray = NDArray[np.float64]
@@ -38,6 +38,7 @@ class ObjectBuilder:
         """`reference_m`: (R, 2, 2) of step 4, `nodes_m`: (N, 2) occupied cells."""
         lines_m = np.concatenate((reference_m, self._flat.lines_m(nodes_m, reference_m, cell_m)))
         wires = tidied(edges, self._config, with_floor=False)
+        wires = standing(without_chords(wires, lines_m, self._config), nodes_m, self._config)
         return _assembled(wires, fronts_of(lines_m, wires, self._config), self._config)
 
 

@@ -6,12 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from station_gui.mapping.objects.config import SurfaceConfig
 from station_gui.mapping.objects.fusing.fused_edges import Edges
+from station_gui.mapping.objects.reference import coordinates, directions
 
 FloatArray = NDArray[np.float64]
 
+_ALONG_SINE = 0.17  # 10 degrees
 _ACROSS_M = 0.025  # an upright edge that stands farther beside a level one is of another front
 
 
@@ -40,6 +43,36 @@ def tidied(edges: Edges, config: SurfaceConfig, *, with_floor: bool) -> Wires:
     if len(posts_m) and len(rails_m):
         _meet(posts_m, rails_m, config.join_m)
     return Wires(posts_m, rails_m)
+
+
+def standing(wires: Wires, nodes_m: FloatArray, config: SurfaceConfig) -> Wires:
+    """Upright edges over an occupied cell, (N, 2), go down to the floor: something smaller hid their lower ends."""
+    if len(nodes_m) == 0 or len(wires.posts_m) == 0:
+        return wires
+    posts_m = wires.posts_m.copy()
+    reach_m, _ = cKDTree(nodes_m).query(posts_m[:, 0, :2])
+    posts_m[:, 0, 2] = np.where(reach_m <= config.over_cell_m, 0.0, posts_m[:, 0, 2])
+    return Wires(posts_m, wires.rails_m)
+
+
+def without_chords(wires: Wires, lines_m: FloatArray, config: SurfaceConfig) -> Wires:
+    """Without short level edges that lead from one line of the 2D map, (R, 2, 2), to another and lie along none.
+
+    The extraction joins what stands close together; from above, such an edge cuts a corner.
+    """
+    rails_m = wires.rails_m
+    if len(lines_m) == 0 or len(rails_m) == 0:
+        return wires
+    way = rails_m[:, 1, :2] - rails_m[:, 0, :2]
+    length_m = np.hypot(way[:, 0], way[:, 1])
+    along, line_length_m = directions(lines_m)
+    at_m, off_m = coordinates(rails_m[:, :, :2].reshape(-1, 2), lines_m, along)
+    near = (np.abs(off_m) <= config.join_m) & (at_m > -config.join_m) & (at_m < line_length_m + config.join_m)
+    first, last = near[0::2], near[1::2]
+    cross_m = np.abs(np.outer(way[:, 0], along[:, 1]) - np.outer(way[:, 1], along[:, 0]))
+    lies_along = ((first | last) & (cross_m < _ALONG_SINE * length_m[:, None])).any(axis=1)
+    chord = first.any(axis=1) & last.any(axis=1) & ~lies_along & (length_m < config.longest_chord_m)
+    return Wires(wires.posts_m, rails_m[~chord])
 
 
 def _meet(posts_m: FloatArray, rails_m: FloatArray, join_m: float) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,9 +162,9 @@ class FusedEdges:
         """Keep one view more; in a full edge it takes the place of the one that says least."""
         at = int(self._views[index])
         if at == self._config.views:
-            says = self._weight[index] * np.linalg.norm(self._view_m[index, :, 1] - self._view_m[index, :, 0], axis=1)
+            says = _says(self._view_m[index], self._weight[index])
             at = int(np.argmin(says))
-            if says[at] > pieces.weight[k] * np.linalg.norm(pieces.ends_m[k, 1] - pieces.ends_m[k, 0]):
+            if says[at] > _says(pieces.ends_m[k : k + 1], pieces.weight[k : k + 1])[0]:
                 return
         else:
             self._views[index] += 1
@@ -214,13 +215,15 @@ class FusedEdges:
 
     def _merge_views(self, keep: int, gone: int) -> None:
         """The best views of both."""
-        stores = (self._scan, self._view_m, self._placed_m, self._weight, self._cut)
         a, b = int(self._views[keep]), int(self._views[gone])
-        both = [np.concatenate((store[keep, :a], store[gone, :b])) for store in stores]
-        says = both[3] * np.linalg.norm(both[1][:, 1] - both[1][:, 0], axis=1)
+
+        def both(store: NDArray[Any]) -> NDArray[Any]:
+            return np.concatenate((store[keep, :a], store[gone, :b]))
+
+        says = _says(both(self._view_m), both(self._weight))
         best = np.sort(np.argsort(-says, kind="stable")[: self._config.views])
-        for store, joined in zip(stores, both, strict=True):
-            store[keep, : len(best)] = joined[best]
+        for store in (self._scan, self._view_m, self._placed_m, self._weight, self._cut):
+            store[keep, : len(best)] = both(store)[best]
         self._views[keep] = len(best)
 
     def _forget(self) -> None:
@@ -248,3 +251,9 @@ class FusedEdges:
             self._ends_m, self._upright, self._log_odds, self._hits, self._views, self._revision, self._scan,
             self._view_m, self._placed_m, self._weight, self._cut,
         ) = (twice(store) for store in self._stores())  # type: ignore[assignment]  # fmt: skip
+
+
+def _says(view_m: FloatArray, weight: FloatArray) -> FloatArray:
+    """(V,) how much views tell. Near ones are exact, but see a part of an edge only: its length counts more."""
+    way = view_m[:, 1] - view_m[:, 0]
+    return np.asarray(weight * np.einsum("vk,vk->v", way, way))
