@@ -74,24 +74,25 @@ def _write(folder: Path, logs: list[Path]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for log in logs:
         name, observations = observations_of(log)
-        _encode(observations, folder / f"{name}{_SUFFIX}")
+        print(encode_to(observations, folder / f"{name}{_SUFFIX}"), flush=True)
 
 
-def _encode(observations: list[Observation], file: Path) -> None:
+def encode_to(observations: list[Observation], file: Path) -> str:
+    """What there is to say of it."""
     encoder, digest = Encoder(in_order=True), _Digest()
     with file.open("wb") as out:
         for observation in observations:
             datagram = encoder.encode(observation).datagram
             out.write(struct.pack("<I", len(datagram)) + datagram)
             digest.take(datagram)
-    print(f"{file.name}: {digest}")
+    return f"{file.name}: {digest}"
 
 
-def _read(file: Path) -> list[Observation]:
+def read(file: Path) -> tuple[list[Observation], str]:
+    """The observations, and what there is to say of them. Raises `ValueError` when a datagram is refused."""
     digest = _Digest()
     observations = [digest.take(datagram) for datagram in _datagrams(file)]
-    print(f"{file.name}: {digest}", flush=True)
-    return observations
+    return observations, f"{file.name}: {digest}"
 
 
 def _datagrams(file: Path) -> Iterator[bytes]:
@@ -121,9 +122,10 @@ def _run(args: argparse.Namespace) -> int:
         if args.command == "write":
             _write(args.folder, args.files)
         for file in args.files if args.command != "write" else ():
-            observations = _read(file)
+            observations, said = read(file)
+            print(said, flush=True)
             if args.command == "again":
-                _encode(observations, file.with_name(f"{file.stem}{_AGAIN}{_SUFFIX}"))
+                print(encode_to(observations, file.with_name(f"{file.stem}{_AGAIN}{_SUFFIX}")), flush=True)
     except ValueError as error:
         print(error)
         return EXIT_FAILED

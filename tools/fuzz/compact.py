@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator
-from dataclasses import replace
-
 import numpy as np
 
-from shared.messages import Observation
 from shared.protocol.compact.decoder import Decoder
 from shared.protocol.compact.encoder import Encoder
 from tools.fuzz.base import Verdict
 from tools.fuzz.foreign import Strangers
-from tools.fuzz.room_drive import drive
+from tools.fuzz.room_drive import drive, endless
 
 _OBSERVATIONS = 300
 _LONGEST_RANDOM = 120
@@ -27,7 +22,7 @@ class Compact:
         self._rng = rng
         self._encoder, self._decoder = Encoder(), Decoder()
         self._strangers = Strangers(rng, _LONGEST_RANDOM)
-        self._observations = _endless(drive(_OBSERVATIONS, rng))
+        self._observations = endless(drive(_OBSERVATIONS, rng))
         self._foreign = self._forgeries = self._taken = self._refused = 0
 
     def throw(self) -> int:
@@ -49,9 +44,3 @@ class Compact:
 
     def verdict(self) -> Verdict:
         return Verdict(self._foreign, self._forgeries, self._taken, self._refused)
-
-
-def _endless(observations: list[Observation]) -> Iterator[Observation]:
-    """Over and over, numbered on."""
-    for sequence, observation in enumerate(itertools.cycle(observations)):
-        yield replace(observation, sequence=sequence)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -18,6 +19,7 @@ from shared.messages import (
     Message,
     MissionState,
     NumberedCommand,
+    Observation,
     Start,
     StopReason,
     Telemetry,
@@ -25,9 +27,10 @@ from shared.messages import (
 from shared.protocol import ascii as ascii_profile
 from shared.protocol import codec as full_profile
 from shared.protocol.frame import HEAD_BYTES, MAX_PAYLOAD_BYTES, FrameParser, pack
+from shared.protocol.observations import MessageDecoder, ObservationEncoder
 from tools.fuzz.base import Verdict, require
 from tools.fuzz.foreign import Strangers, mutated
-from tools.fuzz.room_drive import drive
+from tools.fuzz.room_drive import drive, endless
 
 _OBSERVATIONS = 60
 _LONGEST_RANDOM = 300
@@ -158,3 +161,42 @@ class Frames:
         self._feed(sound * (MAX_PAYLOAD_BYTES // len(sound) + 2))
         require(self._taken > taken, "sound frames are not found again")
         return Verdict(self._foreign, self._forgeries, self._taken, 0)
+
+
+class LinkMessages:
+    """All that a link with a radio may bring: FULL, COMPACT with its short check, both in one.
+
+    Such a link lets in nobody else's bytes; what it brings all the same must do no harm and may be taken for anything.
+    """
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+        self._encoder, self._decoder = ObservationEncoder(), MessageDecoder(compact=True)
+        self._observations = endless(drive(_OBSERVATIONS, rng))
+        self._others = [full_profile.encode(m) for m in sound_messages(rng) if not isinstance(m, Observation)]
+        self._strangers = Strangers(rng, _LONGEST_RANDOM)
+        self._foreign = self._taken = 0
+
+    def throw(self) -> int:
+        encoded = self._encoder.encode(next(self._observations))
+        sound = encoded.full if self._rng.random() < 0.5 or encoded.compact is None else encoded.compact
+        sound = self._others[int(self._rng.integers(len(self._others)))] if self._rng.random() < 0.2 else sound
+        offered = 0
+        for _ in range(_FOREIGN_TO_A_SOUND_ONE):
+            data = self._strangers.next(sound)
+            offered += len(data)
+            self._foreign += 1
+            self._decoder.decode(data)
+        self._strangers.remember(sound)
+        self._taken += self._decoder.decode(sound) is not None
+        if self._decoder.wants_keyframe:
+            self._encoder.reset()
+        return offered + len(sound)
+
+    def verdict(self) -> Verdict:
+        """A keyframe brings both sides together again; another start of the robot is a newer one."""
+        self._encoder.reset()
+        again = [self._encoder.encode(replace(o, boot_id=100)) for o in drive(3, self._rng)]
+        taken = [e.compact is not None and self._decoder.decode(e.compact) is not None for e in again]
+        require(all(taken), "observations are not followed again after a keyframe")
+        return Verdict(self._foreign, 0, self._taken, 0)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -47,5 +49,7 @@ def _observed(k: int, rng: np.random.Generator, noise_m: float, nodes: bool) -> 
     )
 
 
-def without_objects(observation: Observation) -> Observation:
-    return replace(observation, objects=ObjectNetwork(), has_objects=False)
+def endless(observations: list[Observation]) -> Iterator[Observation]:
+    """Over and over, numbered on."""
+    for sequence, observation in enumerate(itertools.cycle(observations)):
+        yield replace(observation, sequence=sequence)

@@ -14,7 +14,7 @@ import numpy as np
 from tools.fuzz.base import MakeTarget, Outcome, fuzz
 from tools.fuzz.compact import Compact
 from tools.fuzz.conversation import FailoverFrames, Items, Packets
-from tools.fuzz.messages import Frames, ascii_lines, full
+from tools.fuzz.messages import Frames, LinkMessages, ascii_lines, full
 from tools.fuzz.radio_module import RadioModule
 from tools.fuzz.transceiver import FirmwareCore, FirmwareHex, Host
 from tools.simulator.devices.mega import StepMega
@@ -39,6 +39,7 @@ TARGETS = {
     "full": Entry("profile FULL", full),
     "ascii": Entry("profile ASCII", ascii_lines),
     "compact": Entry("profile COMPACT", Compact),
+    "messages": Entry("what a link with a radio brings, all profiles", LinkMessages),
     "radio": Entry("serial line of an ES920LR: parser, driver", RadioModule),
     "packets": Entry("sealed packets of the radio link", Packets),
     "items": Entry("what is in a packet", Items),
