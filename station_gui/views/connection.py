@@ -9,7 +9,7 @@ from pathlib import PurePath
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QIntValidator
-from PySide6.QtWidgets import QButtonGroup, QGridLayout, QHBoxLayout, QMenu, QPushButton
+from PySide6.QtWidgets import QButtonGroup, QGridLayout, QHBoxLayout, QMenu, QPushButton, QWidget
 
 from shared.link.base import LinkPath
 from station_gui.model.view import LinkState, OperatorView, Target
@@ -64,6 +64,8 @@ class ConnectionPanel(Panel):
         self.figures = {name: label(words.NO_VALUE, align=Qt.AlignmentFlag.AlignRight) for name in names}
         self.names = {name: label(name, "muted") for name in names}
         self._link_state = LinkState.DISCONNECTED
+        self._is_short = False
+        self._grid = QWidget()
         self._lay_out()
         self.button.clicked.connect(self._on_button)
         self.pick.clicked.connect(self._on_pick)
@@ -77,6 +79,11 @@ class ConnectionPanel(Panel):
     def use(self) -> str:
         """Which of `uses` is chosen."""
         return next(use for use, button in self.uses.items() if button.isChecked())
+
+    def set_short(self, is_short: bool) -> None:
+        """Where there is little room: the address until it is connected, the figures from then on."""
+        self._is_short = is_short
+        self._enable()
 
     def show_view(self, view: OperatorView) -> None:
         self._link_state = view.link_state
@@ -128,11 +135,13 @@ class ConnectionPanel(Panel):
         state.addWidget(self.lamp)
         state.addWidget(self.state, 1)
         self.body.addLayout(state)
-        self.body.addLayout(self._figure_grid())
+        self.body.addWidget(self._grid)
+        self._lay_out_figures()
 
-    def _figure_grid(self) -> QGridLayout:
-        grid = QGridLayout()
-        grid.setVerticalSpacing(3)
+    def _lay_out_figures(self) -> None:
+        grid = QGridLayout(self._grid)
+        grid.setContentsMargins(0, 0, 0, 0)
+        grid.setVerticalSpacing(2)
         for row, (name, value) in enumerate(self.figures.items()):
             grid.addWidget(self.names[name], row, 0)
             grid.addWidget(value, row, 1)
@@ -140,11 +149,12 @@ class ConnectionPanel(Panel):
         self.recording.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         grid.addWidget(self.recording, len(self.figures), 1)
         grid.setColumnStretch(1, 1)
-        return grid
 
     def _enable(self) -> None:
         free = self._link_state is LinkState.DISCONNECTED
-        wifi, lora = self.use != "radio", self.use != "tcp"
+        shown = free or not self._is_short
+        wifi, lora = shown and self.use != "radio", shown and self.use != "tcp"
+        self._grid.setVisible(not (free and self._is_short))
         for edit in (self.host, self.port):
             edit.setEnabled(free)
             edit.setVisible(wifi)
@@ -153,6 +163,7 @@ class ConnectionPanel(Panel):
             widget.setVisible(lora)
         for button in self.uses.values():
             button.setEnabled(free)
+            button.setVisible(shown)
         self.button.setEnabled(not free or self._is_complete())
 
     def _is_complete(self) -> bool:

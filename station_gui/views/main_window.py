@@ -30,7 +30,8 @@ from station_gui.views.mission_log import MissionLog
 
 _SIDE_PX = 286
 _BOTTOM_PX = 212
-_TALL_PX = 920  # from this height on there is room for the details
+_TALL_PX = 920  # from this height on there is room for the details …
+_TALLER_PX = 1060  # … and here for all of the connection menu at once
 _SMOOTHING = 0.1  # of the shown cost of a refresh
 
 
@@ -104,7 +105,9 @@ class MainWindow(QMainWindow):
         super().closeEvent(event)
 
     def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802 - Qt's name
-        self.details.setVisible(event.size().height() >= _TALL_PX)
+        height_px = event.size().height()
+        self.details.setVisible(height_px >= _TALL_PX)
+        self.connection.set_short(height_px < _TALLER_PX)
         super().resizeEvent(event)
 
     def _parts(self) -> tuple[tuple[str, Callable[[OperatorView], None]], ...]:

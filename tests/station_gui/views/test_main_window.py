@@ -192,6 +192,17 @@ def test_the_path_in_use_is_shown_with_its_radios(open_window, operator, scenes)
     assert panel.figures["Path"].property("tone") == "warning"
 
 
+def test_a_low_window_shows_the_address_before_and_the_figures_after_connecting(open_window, operator, scenes):
+    panel = open_window(width_px=1120, height_px=740, link="both").connection
+    assert panel.host.isVisible()
+    assert panel.radio.isVisible()
+    assert not panel.figures["Path"].isVisible()
+    operator.current = scenes.connected_view()
+    panel.window().refresh()
+    assert not panel.host.isVisible()
+    assert panel.figures["Path"].isVisible()
+
+
 def test_lora_is_asked_for_with_its_ports_alone_or_beside_wifi(qtbot, open_window, operator):
     panel = open_window(port=7400).connection
     press(qtbot, panel.uses["radio"])
