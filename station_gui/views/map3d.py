@@ -26,7 +26,7 @@ NO_OPENGL = "3D view needs OpenGL"
 _LEGEND = (
     (theme.OBJECT_LARGE, "walls, large"),
     (theme.OBJECT_SMALL, "small"),
-    (theme.MUTED, "2D only"),
+    (theme.DISABLED, "2D only"),
     (theme.ROBOT, "robot"),
     (theme.TRAJECTORY, "trail"),
     (theme.PATH, "path"),

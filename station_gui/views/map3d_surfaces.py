@@ -16,7 +16,7 @@ _LIGHT = np.array([0.35, 0.55, 0.76])  # from the south-east and above; its leng
 _COLOURS = {
     ObjectKind.LARGE: theme.OBJECT_LARGE,
     ObjectKind.SMALL: theme.OBJECT_SMALL,
-    ObjectKind.FLAT: theme.MUTED,
+    ObjectKind.FLAT: theme.DISABLED,
 }
 
 
