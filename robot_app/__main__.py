@@ -9,12 +9,11 @@ import secrets
 import sys
 from contextlib import ExitStack
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
-import numpy as np
-
 from robot_app.app import RobotApp
-from robot_app.check import check_devices, table_row
+from robot_app.check import check_devices, check_radios, table_row
 from robot_app.config import RobotConfig, load_config
 from robot_app.drivers.base import DeviceError
 from robot_app.drivers.raspberry_pi import open_hardware
@@ -56,7 +55,9 @@ def _check(config: RobotConfig) -> int:
     """A line for each device as it is looked at; exit code 1 when one is missing."""
     missing = 0
     print(table_row(None), flush=True)  # noqa: T201 - the command's own words
-    for finding in check_devices(config.devices, config.car, MonotonicClock()):
+    clock = MonotonicClock()
+    radios = check_radios(config.radio, clock) if config.link.use != "tcp" else ()
+    for finding in chain(check_devices(config.devices, config.car, clock), radios):
         print(table_row(finding), flush=True)  # noqa: T201
         missing += not finding.found
     return EXIT_FAILED if missing else EXIT_OK
@@ -73,7 +74,7 @@ def _drive(config: RobotConfig, args: argparse.Namespace) -> int:
         opened.callback(link.close)
         hardware = open_hardware(config.devices, config.car, clock)
         opened.callback(hardware.close)
-        app = RobotApp(hardware, link, clock, config, np.random.default_rng(), secrets.randbits(32))
+        app = RobotApp(hardware, link, clock, config, secrets.randbits(32))
         _log.info("compiling; this takes a while the first time")
         app.warm_up()
         service = ServiceManager(os.environ.get("NOTIFY_SOCKET"))

@@ -58,7 +58,6 @@ class RobotApp:
         link: Link,
         clock: Clock,
         config: RobotConfig,
-        rng: np.random.Generator,
         boot_id: int,
     ) -> None:
         """`boot_id`: below 2**32, another one at each start of the app."""
@@ -70,7 +69,7 @@ class RobotApp:
         self._odometry = Odometry(config.odometry, config.car)
         self._mission = Mission(config.mission)
         self._pilot = Pilot(config.car, config.control, self._mission, self._odometry)
-        self._extractor = ObjectExtractor(config.perception, hardware.camera.intrinsics, config.camera, rng)
+        self._extractor = ObjectExtractor(config.perception, hardware.camera.intrinsics, config.camera)
         self._tracker = ObjectTracker(config.perception.tracking)
         self._guard = Guard(config.safety, schedule.SCAN.max_age_s, schedule.ODOMETRY.max_age_s, clock.now_s())
         self._stall = StallWatch(config.safety.stall)
@@ -207,7 +206,7 @@ class RobotApp:
         objects = self._extractor.extract(image)
         seen = self._odometry.at(image.stamp_s)
         if seen is not None:
-            objects = self._tracker.update(objects, seen.odom_from_robot).network
+            objects = self._tracker.update(objects, seen.odom_from_robot)
         self._objects.put(objects, image.stamp_s)
 
     def _observe(self) -> None:

@@ -113,6 +113,7 @@ class TrackingConfig:
     nearer_share: float = 0.75  # what is seen from so much nearer is seen better, and replaces what is known
     patience_frames: int = 5  # so long a part, or an object that was seen as often, may be missing
     forget_frames: int = 50  # and so long its number is kept
+    most_nodes: int = 99  # what is remembered must not add to those of a frame (`RefineConfig`)
     max_objects: int = 64  # bounds time and memory
 
     def __post_init__(self) -> None:
@@ -120,6 +121,7 @@ class TrackingConfig:
         _require(min(self.reach_m, self.step_m) > 0, "reach_m and step_m must be positive")
         _require(self.patience_frames >= 0, "patience_frames must not be negative")
         _require(self.forget_frames >= self.patience_frames, "forget_frames must not be below patience_frames")
+        _require(self.most_nodes >= 2, "most_nodes must be at least 2")
         _require(1 <= self.max_objects <= 1000, "max_objects must be 1 to 1000")
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from robot_app.drivers.base import DepthImage
 from robot_app.perception.config import PerceptionConfig
 from robot_app.perception.learner import Learner, Network
+from robot_app.perception.network._kernels import label_clusters
 from robot_app.perception.point_cloud import EdgeCloud, Mount
 from robot_app.perception.refine import Refiner
 from robot_app.perception.simplified_fast_gng import SimplifiedFastGng
@@ -18,8 +19,8 @@ from shared.messages import ObjectNetwork
 class ObjectExtractor:
     """Takes one depth image after the other; its memory is allocated here, once. Not for two threads at a time.
 
-    Equal extractors (same configuration, camera and state of `rng`) give equal networks for equal images. `learner`:
-    another than simplified FastGNG, to compare it.
+    Equal extractors (same configuration and camera) give equal networks for equal images. `learner`: another than
+    simplified FastGNG, to compare it.
     """
 
     def __init__(
@@ -27,14 +28,13 @@ class ObjectExtractor:
         config: PerceptionConfig,
         intrinsics: Intrinsics,
         mount: Mount,
-        rng: np.random.Generator,
         learner: Learner | None = None,
     ) -> None:
         self._shape = (intrinsics.height, intrinsics.width)
         self._robot_from_optical = mount.robot_from_optical().astype(np.float32)
         self._learner = learner or SimplifiedFastGng(config.learning, config.refine, config.edges.max_samples)
         self._knows_curves = learner is None
-        self.cloud = EdgeCloud(config.edges, intrinsics, mount, rng)
+        self.cloud = EdgeCloud(config.edges, intrinsics, mount)
         self.network = Network(config.learning.max_nodes)
         self._refiner = Refiner(config.refine, config.learning.max_nodes)
 
@@ -75,8 +75,6 @@ class ObjectExtractor:
 
 def clusters(objects: ObjectNetwork) -> NDArray[np.int32]:
     """(N,) the object that each node belongs to, numbered from 0: the connected components."""
-    parent = np.arange(len(objects.nodes_m), dtype=np.int32)
-    for a, b in objects.edges.tolist():
-        low, high = sorted((int(parent[a]), int(parent[b])))
-        parent[parent == high] = low
-    return np.unique(parent, return_inverse=True)[1].astype(np.int32)
+    cluster_of = np.empty(len(objects.nodes_m), np.int32)
+    label_clusters(objects.edges.astype(np.int32), cluster_of)
+    return cluster_of

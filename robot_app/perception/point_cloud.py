@@ -41,12 +41,12 @@ class EdgeCloud:
     `points`: how many points of the decimated image are in range. `edge_m`: (E, 3) float32 of which the first
     `edges` count, no more than `max_edges`; `edge_at`: (R, C) int32, the edge point in each cell of `stride` pixels,
     -1 for none.
-    `sample_m`: the sample nodes A of step 1, of which the first `samples` count; `sample_weight`, `sample_curve`,
-    `sample_detail` and what it knows of the curves are those of `CurveTracer`.
+    `sample_m`: the sample nodes A of step 1, of which the first `samples` count; `sample_weight`, `sample_curve`
+    and what it knows of the curves are those of `CurveTracer`.
     `up`: (4,), a point's height over the floor is `up[:3] @ point + up[3]`. `lens`: fx, fy, cx, cy.
     """
 
-    def __init__(self, config: EdgeConfig, intrinsics: Intrinsics, mount: Mount, rng: np.random.Generator) -> None:
+    def __init__(self, config: EdgeConfig, intrinsics: Intrinsics, mount: Mount) -> None:
         self._config = config
         self._shape = (intrinsics.height, intrinsics.width)
         self.stride = config.stride_px
@@ -62,14 +62,13 @@ class EdgeCloud:
         self.edge_m = np.zeros((min(config.max_edges, rows * columns), 3), np.float32)
         self._tracer = tracer = CurveTracer(config, rows, columns)
         self.sample_m, self.sample_weight = tracer.sample_m, tracer.sample_weight
-        self.sample_curve, self.sample_detail = tracer.sample_curve, tracer.sample_detail
+        self.sample_curve = tracer.sample_curve
         self.curve_group, self.curve_extent_m, self.curve_detail = tracer.group, tracer.extent_m, tracer.detail
         self._inverse = np.zeros((rows, columns), np.float32)
         self._bend, self._shift, self._edge_q = np.zeros((3, 2, rows, columns), np.float32)
         self._pair = np.zeros(rows * columns, np.float32)
         self._floor, self._marks = np.zeros((2, rows, columns), np.uint8)
         self._open_rows = np.zeros(columns, np.int32)
-        self._rank = rng.random((rows, columns), np.float32)
         self.points = self.edges = self.samples = 0
 
     def update(self, image: DepthImage) -> None:

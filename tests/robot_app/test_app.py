@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import numpy as np
 from numba.core.dispatcher import Dispatcher
 
 from robot_app.app import RobotApp
@@ -51,9 +50,7 @@ def test_nothing_is_compiled_once_the_app_is_warm() -> None:
     clock = ManualClock()
     world = World(find_scenario("lab"), 1)
     robot, station = loopback_pair()
-    app = RobotApp(
-        SimulatedHardware(world, waits=False).hardware, robot, clock, load_config(None), np.random.default_rng(1), 1
-    )
+    app = RobotApp(SimulatedHardware(world, waits=False).hardware, robot, clock, load_config(None), 1)
     app.warm_up()
     before = compiled()
     assert sum(n > 0 for n in before.values()) > 20

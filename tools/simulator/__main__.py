@@ -10,8 +10,6 @@ import threading
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from robot_app.app import RobotApp
 from robot_app.config import RobotConfig, load_config
 from robot_app.drivers.base import DeviceError
@@ -61,7 +59,7 @@ def simulate(scenario: Scenario, config: RobotConfig, args: argparse.Namespace, 
     try:
         world = World(scenario, args.seed, start_s=clock.now_s())
         hardware = SimulatedHardware(world, waits=True).hardware
-        app = RobotApp(hardware, link, clock, config, np.random.default_rng(args.seed), secrets.randbits(32))
+        app = RobotApp(hardware, link, clock, config, secrets.randbits(32))
         _log.info("compiling; this takes a while the first time")
         app.warm_up()
         pump = RealTimePump(world, clock)

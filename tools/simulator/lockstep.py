@@ -8,8 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from robot_app.app import RobotApp
 from robot_app.config import RobotConfig
 from shared.geometry.se2 import Pose2
@@ -68,7 +66,7 @@ class Lockstep:
         simulated = SimulatedHardware(self.world, waits=False)
         self.slip, self.imu = simulated.slip, simulated.imu
         hardware, self.faults = with_faults(simulated.hardware)
-        self.app = RobotApp(hardware, self.joint.robot, self.clock, robot, np.random.default_rng(seed), boot_id=1)
+        self.app = RobotApp(hardware, self.joint.robot, self.clock, robot, boot_id=1)
         self.station: Station = build_station(
             station, self.clock, 1, make_link=self.joint.make_station, name_recording=lambda: recording
         )

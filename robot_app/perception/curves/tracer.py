@@ -13,9 +13,8 @@ class CurveTracer:
     """The curves of the newest image; its memory is allocated when it is made.
 
     `sample_m`: (S, 3) the sample nodes, of which the first `samples` count; `sample_weight`: how much each is
-    preferred; `sample_curve`: the curve that each lies on; `sample_detail`: by how much shorter than those of table 3
-    connections may be there. For each curve, `group`: the same number when they touch; `extent_m`: its size; `detail`:
-    that of its samples.
+    preferred; `sample_curve`: the curve that each lies on. For each curve, `group`: the same number when they touch;
+    `extent_m`: its size; `detail`: by how much shorter than those of table 3 its connections may be.
     """
 
     def __init__(self, config: EdgeConfig, rows: int, columns: int) -> None:
@@ -24,7 +23,6 @@ class CurveTracer:
         self.sample_m = np.zeros((config.max_samples, 3), np.float32)
         self.sample_weight = np.zeros(config.max_samples, np.float32)
         self.sample_curve = np.zeros(config.max_samples, np.int32)
-        self.sample_detail = np.ones(config.max_samples, np.float32)
         self.group = np.zeros(cells, np.int32)
         self._point_m = np.zeros((cells, 3), np.float32)
         self._point_uv = np.zeros((cells, 2), np.float32)
@@ -150,5 +148,4 @@ class CurveTracer:
             self.sample_m,
             self.sample_weight,
             self.sample_curve,
-            self.sample_detail,
         )

@@ -28,68 +28,86 @@ def _near_segment(x: float, y: float, z: float, segment_m: F64, k: int, reach_m:
 
 
 @njit(nogil=True, cache=True, **UNCOUNTED)
-def _surround(segment_m: F64, start: I32, objects: int, box_m: F64) -> None:
-    """`box_m`: (K, 2, 3) the least and the greatest coordinates of each object."""
-    for k in range(objects):
-        for axis in range(3):
-            low, high = math.inf, -math.inf
-            for s in range(start[k], start[k + 1]):
-                for end in range(2):
-                    low, high = min(low, segment_m[s, end, axis]), max(high, segment_m[s, end, axis])
-            box_m[k, 0, axis], box_m[k, 1, axis] = low, high
+def _surround(segment_m: F64, first: int, end: int, box_m: F64) -> None:
+    """`box_m`: (2, 3) the least and the greatest coordinates of segments `first` to `end`."""
+    for axis in range(3):
+        low, high = math.inf, -math.inf
+        for s in range(first, end):
+            for side in range(2):
+                low, high = min(low, segment_m[s, side, axis]), max(high, segment_m[s, side, axis])
+        box_m[0, axis], box_m[1, axis] = low, high
 
 
 @njit(nogil=True, cache=True, **UNCOUNTED)
-def _is_near(x: float, y: float, z: float, segment_m: F64, first: int, end: int, box_m: F64, reach_m: float) -> bool:
-    """Whether a point lies within `reach_m` of one of the segments, which lie in `box_m` (2, 3)."""
-    if (
-        x < box_m[0, 0] - reach_m
-        or x > box_m[1, 0] + reach_m
-        or y < box_m[0, 1] - reach_m
-        or y > box_m[1, 1] + reach_m
-        or z < box_m[0, 2] - reach_m
-        or z > box_m[1, 2] + reach_m
-    ):
-        return False
-    found = False
-    k = first
-    while k < end and not found:
-        found = _near_segment(x, y, z, segment_m, k, reach_m)
-        k += 1
-    return found
+def _count_near(
+    segment_m: F64, first: int, end: int, other_m: F64, other_first: int, other_end: int, reach_m: float, step_m: float
+) -> tuple[int, int]:
+    """How many points every `step_m` along the first segments lie within `reach_m` of the other ones, and how many
+    points there are."""
+    hits, total = 0, 0
+    for s in range(first, end):
+        x, y, z = segment_m[s, 0, 0], segment_m[s, 0, 1], segment_m[s, 0, 2]
+        dx, dy, dz = segment_m[s, 1, 0] - x, segment_m[s, 1, 1] - y, segment_m[s, 1, 2] - z
+        parts = max(1, math.ceil(math.sqrt(dx * dx + dy * dy + dz * dz) / step_m))
+        total += parts
+        for part in range(parts):
+            t = (part + 0.5) / parts
+            for k in range(other_first, other_end):
+                if _near_segment(x + t * dx, y + t * dy, z + t * dz, other_m, k, reach_m):
+                    hits += 1
+                    break
+    return hits, total
 
 
 @njit(nogil=True, cache=True, **UNCOUNTED)
-def count_overlap(
+def measure_overlap(
     segment_m: F64,
     start: I32,
-    objects: int,
     other_m: F64,
     other_start: I32,
-    others: int,
     reach_m: F64,
     step_m: float,
     box_m: F64,
-    total: I32,
-    hits: I32,
+    other_box_m: F64,
+    share: F64,
 ) -> None:
-    """`total`: (K,) the points every `step_m` along each object; `hits`: (K, L) how many lie near each of the others.
+    """`share`: (K, L) of the points every `step_m` along each object, which part lies near each of the others.
 
-    `reach_m`: (L,) what is near. `box_m`: (L, 2, 3) room to work in.
+    `reach_m`: (L,) what is near. `box_m`: (K, 2, 3), `other_box_m`: (L, 2, 3) room to work in.
     """
-    _surround(other_m, other_start, others, box_m)
-    for k in range(objects):
-        total[k] = 0
-        for o in range(others):
-            hits[k, o] = 0
-        for s in range(start[k], start[k + 1]):
-            x, y, z = segment_m[s, 0, 0], segment_m[s, 0, 1], segment_m[s, 0, 2]
-            dx, dy, dz = segment_m[s, 1, 0] - x, segment_m[s, 1, 1] - y, segment_m[s, 1, 2] - z
-            parts = max(1, math.ceil(math.sqrt(dx * dx + dy * dy + dz * dz) / step_m))
-            for part in range(parts):
-                t = (part + 0.5) / parts
-                px, py, pz = x + t * dx, y + t * dy, z + t * dz
-                total[k] += 1
-                for o in range(others):
-                    first, end = other_start[o], other_start[o + 1]
-                    hits[k, o] += _is_near(px, py, pz, other_m, first, end, box_m[o], reach_m[o])
+    for k in range(share.shape[0]):
+        _surround(segment_m, start[k], start[k + 1], box_m[k])
+    for o in range(share.shape[1]):
+        _surround(other_m, other_start[o], other_start[o + 1], other_box_m[o])
+    for k in range(share.shape[0]):
+        for o in range(share.shape[1]):
+            apart = False
+            for axis in range(3):
+                apart |= box_m[k, 0, axis] > other_box_m[o, 1, axis] + reach_m[o]
+                apart |= box_m[k, 1, axis] < other_box_m[o, 0, axis] - reach_m[o]
+            share[k, o] = 0.0
+            if not apart:
+                hits, total = _count_near(
+                    segment_m, start[k], start[k + 1], other_m, other_start[o], other_start[o + 1], reach_m[o], step_m
+                )
+                share[k, o] = hits / total
+
+
+@njit(nogil=True, cache=True, **UNCOUNTED)
+def match_most_alike(alike: F64, least: float, owners: I32) -> None:
+    """`owners`: (K,) for each row of `alike` (K, L) its column, the most alike pair first, none for two rows; as given
+    where nothing is left of at least `least`. What is given away is set to -1 in `alike`."""
+    rows, columns = alike.shape
+    while True:
+        best, row, column = least, -1, -1
+        for k in range(rows):
+            for o in range(columns):
+                if alike[k, o] > best or (row < 0 and alike[k, o] >= best):
+                    best, row, column = alike[k, o], k, o
+        if row < 0:
+            return
+        owners[row] = column
+        for o in range(columns):
+            alike[row, o] = -1.0
+        for k in range(rows):
+            alike[k, column] = -1.0

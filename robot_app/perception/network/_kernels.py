@@ -160,3 +160,27 @@ def list_connections(linked: U8, nodes: int, pairs: I32) -> int:
                 pairs[count, 0], pairs[count, 1] = a, b
                 count += 1
     return count
+
+
+@njit(nogil=True, cache=True, **UNCOUNTED)
+def label_clusters(pairs: I32, cluster_of: I32) -> None:
+    """`cluster_of`: (N,) the connected component of each node, numbered from 0 in the order of their first nodes.
+
+    `pairs`: (M, 2) the connections.
+    """
+    for a in range(cluster_of.size):
+        cluster_of[a] = a
+    for k in range(pairs.shape[0]):
+        a, b = pairs[k, 0], pairs[k, 1]
+        while cluster_of[a] != a:
+            a = cluster_of[a]
+        while cluster_of[b] != b:
+            b = cluster_of[b]
+        cluster_of[max(a, b)] = min(a, b)
+    count = 0
+    for a in range(cluster_of.size):
+        if cluster_of[a] == a:
+            cluster_of[a] = count
+            count += 1
+        else:
+            cluster_of[a] = cluster_of[cluster_of[a]]

@@ -39,7 +39,7 @@ FRAMES = {
 
 def work_of(world, config: PerceptionConfig, depth: np.ndarray) -> tuple[int, int, int]:
     """Edges, samples, and the most nodes that learning has had room for."""
-    extractor = ObjectExtractor(config, world.intrinsics, world.mount, np.random.default_rng(1))
+    extractor = ObjectExtractor(config, world.intrinsics, world.mount)
     extractor.find_edges(DepthImage(0.0, depth.astype(np.uint16), UNIT_M))
     extractor.learn()
     learned = extractor.network.nodes

@@ -22,7 +22,7 @@ def edge_measure_twin(left_m: float, right_m: float, alpha: float) -> float:
 
 
 def cloud_of(world, image: DepthImage) -> EdgeCloud:
-    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, world.mount, np.random.default_rng(1))
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, world.mount)
     cloud.update(image)
     return cloud
 
@@ -59,7 +59,7 @@ def test_the_decimated_image_keeps_what_is_in_range() -> None:
 def test_a_wall_that_fills_the_view_has_no_edges(world) -> None:
     depth = np.full((480, 640), round(1.0 / UNIT_M), np.uint16)
     noise = np.random.default_rng(1).integers(-8, 9, depth.shape)
-    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor())
     cloud.update(DepthImage(0.0, (depth + noise).astype(np.uint16), UNIT_M))
     assert cloud.points == 19200
     assert cloud.edges == 0
@@ -68,7 +68,7 @@ def test_a_wall_that_fills_the_view_has_no_edges(world) -> None:
 def test_a_slanted_wall_has_no_edges(world) -> None:
     slope_x, _ = world.intrinsics.ray_slopes()
     depth_m = np.broadcast_to(2.0 / (1.0 - 1.2 * slope_x), (480, 640))
-    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor())
     cloud.update(DepthImage(0.0, np.round(depth_m / UNIT_M).astype(np.uint16), UNIT_M))
     assert cloud.edges == 0
 
@@ -76,7 +76,7 @@ def test_a_slanted_wall_has_no_edges(world) -> None:
 def test_an_occluding_edge_belongs_to_the_near_surface(world) -> None:
     depth_m = np.full((480, 640), 3.0)
     depth_m[:, :301] = 1.0
-    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor())
     cloud.update(DepthImage(0.0, np.round(depth_m / UNIT_M).astype(np.uint16), UNIT_M))
     edges = edges_of(cloud)
     columns = edges[:, 0] / edges[:, 2] * world.intrinsics.fx + world.intrinsics.cx
@@ -90,7 +90,7 @@ def test_flying_pixels_and_the_shadow_beside_an_edge_are_no_edges(world) -> None
     depth_m[:, :300] = 1.0
     depth_m[:, 300:303] = (1.4, 1.9, 2.5)
     depth_m[:, 303:320] = 0.0
-    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor())
     cloud.update(DepthImage(0.0, np.round(depth_m / UNIT_M).astype(np.uint16), UNIT_M))
     assert cloud.edges >= 118
     assert np.abs(edges_of(cloud)[:, 2] - 1.0).max() < 0.001
@@ -99,7 +99,7 @@ def test_flying_pixels_and_the_shadow_beside_an_edge_are_no_edges(world) -> None
 def test_a_hole_in_a_surface_is_no_edge(world) -> None:
     depth_m = np.full((480, 640), 2.0)
     depth_m[200:230, 300:340] = 0.0
-    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor())
     cloud.update(DepthImage(0.0, np.round(depth_m / UNIT_M).astype(np.uint16), UNIT_M))
     assert cloud.edges == 0
 
@@ -107,7 +107,7 @@ def test_a_hole_in_a_surface_is_no_edge(world) -> None:
 def test_the_top_of_a_wall_against_open_space_is_an_edge_and_the_image_border_is_not(world) -> None:
     depth_m = np.full((480, 640), 2.0)
     depth_m[:100] = 0.0
-    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor())
     cloud.update(DepthImage(0.0, np.round(depth_m / UNIT_M).astype(np.uint16), UNIT_M))
     edges = edges_of(cloud)
     rows = edges[:, 1] / edges[:, 2] * world.intrinsics.fy + world.intrinsics.cy
@@ -118,7 +118,7 @@ def test_the_top_of_a_wall_against_open_space_is_an_edge_and_the_image_border_is
 def test_something_too_near_to_be_measured_makes_no_edge_on_what_is_behind_it(world) -> None:
     depth_m = np.full((480, 640), 2.0)
     depth_m[:, :300] = 0.0
-    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor())
     cloud.update(DepthImage(0.0, np.round(depth_m / UNIT_M).astype(np.uint16), UNIT_M))
     assert cloud.edges == 0
 
@@ -128,7 +128,7 @@ def test_two_walls_that_meet_make_a_crease_where_they_meet(world, noise_m: float
     slope_x, _ = world.intrinsics.ray_slopes()
     depth_m = np.broadcast_to(np.minimum(2.0 / (1.0 + slope_x), 2.0 / (1.0 - 0.8 * slope_x)), (480, 640))
     depth_m = depth_m + np.random.default_rng(1).normal(0.0, noise_m, depth_m.shape) if noise_m else depth_m
-    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor())
     cloud.update(DepthImage(0.0, np.round(depth_m / UNIT_M).astype(np.uint16), UNIT_M))
     edges = edges_of(cloud)
     assert len(edges) > 80
@@ -141,7 +141,7 @@ def test_a_front_that_stands_four_centimetres_before_another_has_an_edge(world, 
     front_m = np.full((480, 640), depth_m + 0.04)
     front_m[:, :301] = depth_m
     noisy_m = front_m + rng.normal(0.0, 0.0025, front_m.shape)
-    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor())
     cloud.update(DepthImage(0.0, np.round(noisy_m / UNIT_M).astype(np.uint16), UNIT_M))
     edges = edges_of(cloud)
     columns = edges[:, 0] / edges[:, 2] * world.intrinsics.fx + world.intrinsics.cx
@@ -155,7 +155,7 @@ def test_a_face_of_five_cells_has_an_edge_on_either_side(world) -> None:
     # A front, a side face turned by 90 degrees to it, and another front, all at 45 degrees to the camera.
     first, side, second = 1.0 / (1.0 + slope_x), 1.0 / (1.0 - slope_x), 1.09 / (1.0 + slope_x)
     depth_m = np.broadcast_to(np.where(slope_x < 0.0, first, np.minimum(side, second)), (480, 640))
-    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor())
     cloud.update(DepthImage(0.0, np.round(depth_m / UNIT_M).astype(np.uint16), UNIT_M))
     edges = edges_of(cloud)
     columns = edges[:, 0] / edges[:, 2] * world.intrinsics.fx + world.intrinsics.cx
@@ -170,7 +170,7 @@ def test_what_is_round_has_no_crease(world) -> None:
     square = slope_x**2 + 1.0
     inside = middle_m**2 - square * (middle_m**2 - radius_m**2)
     depth_m = np.where(inside > 0.0, (middle_m - np.sqrt(np.maximum(inside, 0.0))) / square, 0.0)
-    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, FarFloor())
     cloud.update(DepthImage(0.0, np.round(depth_m / UNIT_M).astype(np.uint16), UNIT_M))
     edges = edges_of(cloud)
     assert np.count_nonzero(np.abs(edges[:, 0]) < 0.4 * radius_m) == 0
@@ -183,14 +183,14 @@ def test_the_floor_alone_has_no_edges(world) -> None:
 
 
 def test_an_image_of_another_size_is_refused(world) -> None:
-    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, world.mount, np.random.default_rng(1))
+    cloud = EdgeCloud(EdgeConfig(), world.intrinsics, world.mount)
     with pytest.raises(ValueError, match="intrinsics say"):
         cloud.update(DepthImage(0.0, np.zeros((240, 320), np.uint16), UNIT_M))
 
 
 def test_the_number_of_samples_is_bounded(world) -> None:
     noise = np.random.default_rng(1).integers(2000, 16000, (480 // 16, 640 // 16)).repeat(16, 0).repeat(16, 1)
-    cloud = EdgeCloud(EdgeConfig(max_samples=200), world.intrinsics, FarFloor(), np.random.default_rng(1))
+    cloud = EdgeCloud(EdgeConfig(max_samples=200), world.intrinsics, FarFloor())
     cloud.update(DepthImage(0.0, noise.astype(np.uint16), UNIT_M))
     assert cloud.edges > 1000
     assert 100 < cloud.samples <= 200

@@ -17,7 +17,7 @@ NOWHERE = CameraMount(0.0, 100.0, 0.0)  # so high that no floor is in view
 
 def extracted(world, depth_m: np.ndarray, mount: CameraMount = NOWHERE) -> ObjectNetwork:
     measured = np.where((depth_m >= 0.25) & (depth_m <= 9.0), depth_m, 0.0)
-    extractor = ObjectExtractor(PerceptionConfig(), world.intrinsics, mount, np.random.default_rng(1))
+    extractor = ObjectExtractor(PerceptionConfig(), world.intrinsics, mount)
     return extractor.extract(DepthImage(0.0, np.round(measured / UNIT_M).astype(np.uint16), UNIT_M))
 
 

@@ -25,8 +25,8 @@ UNIT_M = 0.00025
 KINECT = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "depth" / "kinect_sequence"
 
 
-def extractor_of(world, config: PerceptionConfig | None = None, seed: int = 1) -> ObjectExtractor:
-    return ObjectExtractor(config or PerceptionConfig(), world.intrinsics, world.mount, np.random.default_rng(seed))
+def extractor_of(world, config: PerceptionConfig | None = None) -> ObjectExtractor:
+    return ObjectExtractor(config or PerceptionConfig(), world.intrinsics, world.mount)
 
 
 def lengths_m(network: ObjectNetwork) -> np.ndarray:
@@ -93,9 +93,7 @@ def test_nodes_on_the_floor_are_only_where_something_stands(world, room) -> None
 
 @pytest.mark.parametrize("pitch_rad", [-0.03, -0.012, 0.012, 0.03])
 def test_the_floor_makes_no_nodes_while_the_car_pitches(world, pitch_rad: float) -> None:
-    extractor = ObjectExtractor(
-        PerceptionConfig(), world.intrinsics, CameraMount(0.28, 0.17, pitch_rad), np.random.default_rng(1)
-    )
+    extractor = ObjectExtractor(PerceptionConfig(), world.intrinsics, CameraMount(0.28, 0.17, pitch_rad))
     network = extractor.extract(world.image([], np.random.default_rng(1)))
     assert len(network.nodes_m) == 0
 
@@ -123,9 +121,7 @@ def test_the_network_is_small_and_its_nodes_keep_their_distance(world, room) -> 
 @pytest.mark.parametrize("value", [0, 400, 4000, 65535])
 def test_a_blocked_an_empty_and_a_full_view_give_an_empty_network(world, value: int) -> None:
     """Nothing measured; a hand at 0.1 m; a wall of one depth; beyond the range."""
-    extractor = ObjectExtractor(
-        PerceptionConfig(), world.intrinsics, CameraMount(0.0, 100.0, 0.0), np.random.default_rng(1)
-    )
+    extractor = ObjectExtractor(PerceptionConfig(), world.intrinsics, CameraMount(0.0, 100.0, 0.0))
     network = extractor.extract(DepthImage(0.0, np.full((480, 640), value, np.uint16), UNIT_M))
     assert len(network.nodes_m) == 0
     assert len(network.edges) == 0
@@ -181,7 +177,7 @@ def test_another_size_of_image_works_too(room, world) -> None:
     half = DepthImage(0.0, np.ascontiguousarray(image.depth[::2, ::2]), UNIT_M)
     intrinsics = Intrinsics(320, 240, world.intrinsics.fx / 2, world.intrinsics.fy / 2, 160, 120)
     config = PerceptionConfig(edges=EdgeConfig(stride_px=2))
-    extractor = ObjectExtractor(config, intrinsics, world.mount, np.random.default_rng(1))
+    extractor = ObjectExtractor(config, intrinsics, world.mount)
     off_m = distance_m(extractor.extract(half).nodes_m.astype(np.float64), room_edges_m(room))
     assert len(off_m) > 30
     assert np.median(off_m) < 0.015
@@ -233,7 +229,7 @@ def test_impossible_parameters_are_refused() -> None:
 @pytest.mark.skipif(not KINECT.is_dir(), reason="the recorded depth frames (../shared/data/depth) are not here")
 def test_recorded_frames_give_small_networks_without_stray_nodes() -> None:
     intrinsics = Intrinsics(640, 480, 585.0, 585.0, 320.0, 240.0)
-    extractor = ObjectExtractor(PerceptionConfig(), intrinsics, CameraMount(0.0, 100.0, 0.0), np.random.default_rng(1))
+    extractor = ObjectExtractor(PerceptionConfig(), intrinsics, CameraMount(0.0, 100.0, 0.0))
     for path in sorted(KINECT.glob("*.depth.png"))[::25]:
         with Image.open(path) as picture:
             depth = np.asarray(picture).astype(np.uint16)

@@ -110,10 +110,10 @@ def test_a_few_stray_points_give_no_samples() -> None:
 
 def test_the_nodes_of_a_small_outline_may_lie_closer() -> None:
     small = [(0.2 * x, 0.2 * y, z) for x, y, z in SQUARE]
-    assert traced(line(*SQUARE, SQUARE[0])).sample_detail[0] == pytest.approx(1.0)
+    assert traced(line(*SQUARE, SQUARE[0])).detail[0] == pytest.approx(1.0)
     tracer = traced(line(*small, small[0]))
     assert tracer.samples > 4
-    assert tracer.sample_detail[0] > 3.0
+    assert tracer.detail[0] > 3.0
 
 
 def test_samples_stay_within_their_bound_and_reach_all_curves() -> None:

@@ -152,13 +152,13 @@ def _evaluate(path: Path, args: argparse.Namespace) -> Row:
 
 def extractor_with(name: str, intrinsics: Intrinsics, mount: Mount) -> ObjectExtractor:
     """An extractor as the robot has it, but with the learner of this name. Raises ValueError for a tiny image."""
-    config, rng = PerceptionConfig(), np.random.default_rng(1)
+    config = PerceptionConfig()
     learner: Learner | None = None
     if name == "fast":
         learner = FastGng(config.learning, FastGngConfig(), np.random.default_rng(1))
     elif name == "standard":
         learner = GrowingNeuralGas(GngConfig(), np.random.default_rng(1))
-    return ObjectExtractor(config, intrinsics, mount, rng, learner)
+    return ObjectExtractor(config, intrinsics, mount, learner)
 
 
 def compare_labels(

@@ -122,14 +122,14 @@ def run(args: argparse.Namespace) -> int:
 
 def _jobs(files: list[Path]) -> list[tuple[ObjectExtractor, DepthImage]]:
     if not files:
-        extractor = ObjectExtractor(PerceptionConfig(), *lab_camera(), np.random.default_rng(1))
+        extractor = ObjectExtractor(PerceptionConfig(), *lab_camera())
         return [(extractor, image) for image in lab_frames()]
     jobs = []
     for path in files:
         file = read_depth(path)
         intrinsics = intrinsics_of(path, file.image, file.lens_px)
         mount = mount_of("search", file.image, intrinsics)
-        jobs.append((ObjectExtractor(PerceptionConfig(), intrinsics, mount, np.random.default_rng(1)), file.image))
+        jobs.append((ObjectExtractor(PerceptionConfig(), intrinsics, mount), file.image))
     return jobs
 
 

@@ -177,7 +177,7 @@ def _cloud(name: str, image: DepthImage, intrinsics: Intrinsics, mount: Mount, n
                 sample_spacing_m=edges.sample_spacing_m / 2**halvings,
                 stride_px=max(1, edges.stride_px // 2**halvings),
             )
-            cloud = EdgeCloud(denser, intrinsics, mount, np.random.default_rng(1))
+            cloud = EdgeCloud(denser, intrinsics, mount)
             cloud.update(image)
             if cloud.samples >= _SAMPLES_PER_NODE * nodes:
                 break

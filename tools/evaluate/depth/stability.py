@@ -30,12 +30,12 @@ class Stability:
 def measure_stability(frames: int = 8) -> tuple[Stability, Stability]:
     """On the views of the simulated lab: the networks as they are learned, and as the tracker hands them on."""
     intrinsics, mount = lab_camera()
-    extractor = ObjectExtractor(PerceptionConfig(), intrinsics, mount, np.random.default_rng(1))
+    extractor = ObjectExtractor(PerceptionConfig(), intrinsics, mount)
     learned, tracked = [], []
     for view in zip(*(lab_frames(seed) for seed in range(1, frames + 1)), strict=True):
         networks = [extractor.extract(image) for image in view]
         tracker = ObjectTracker(PerceptionConfig().tracking)
-        kept = [tracker.update(network, Pose2()).network for network in networks]
+        kept = [tracker.update(network, Pose2()) for network in networks]
         learned += [compare(a, b) for a, b in pairwise(networks)]
         tracked += [compare(a, b) for a, b in pairwise(kept)]
     return _mean(learned), _mean(tracked)

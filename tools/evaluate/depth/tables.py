@@ -6,8 +6,6 @@ import argparse
 import sys
 from pathlib import Path
 
-import numpy as np
-
 from robot_app.drivers.base import DepthImage
 from robot_app.perception.config import PerceptionConfig
 from robot_app.perception.object_extractor import ObjectExtractor
@@ -165,7 +163,7 @@ def _measure(name: str, image: DepthImage, intrinsics: Intrinsics, mount: Mount,
 
 
 def _extractor(intrinsics: Intrinsics, mount: Mount) -> ObjectExtractor:
-    return ObjectExtractor(PerceptionConfig(), intrinsics, mount, np.random.default_rng(1))
+    return ObjectExtractor(PerceptionConfig(), intrinsics, mount)
 
 
 def _stability() -> list[str]:

@@ -515,7 +515,6 @@ def choose_samples(
     sample_m: F32,
     sample_weight: F32,
     sample_curve: I32,
-    sample_detail: F32,
 ) -> int:
     """The sample nodes A: ends, corners and points at equal distances along the curves; returns how many.
 
@@ -560,6 +559,5 @@ def choose_samples(
             else:
                 sample_weight[count] = (1.0 + corner_gain * min(here, 0.2)) * size_weight
             sample_curve[count] = curve
-            sample_detail[count] = detail[curve]
             count += 1
     return count

@@ -308,12 +308,6 @@ def nearest_two(
 
 
 @njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
-def _apart_m(node_m: F32, a: int, b: int) -> float:
-    dx, dy, dz = node_m[a, 0] - node_m[b, 0], node_m[a, 1] - node_m[b, 1], node_m[a, 2] - node_m[b, 2]
-    return math.sqrt(dx * dx + dy * dy + dz * dz)
-
-
-@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
 def connect_new(
     node_m: F32,
     linked: U8,
@@ -334,8 +328,8 @@ def connect_new(
     if s1 >= 0:
         _set_link(linked, degrees, s1, r, 1)
     if s2 >= 0:
-        ds12 = _apart_m(node_m, s1, s2)
-        if _apart_m(node_m, s1, r) < ds12 and _apart_m(node_m, s2, r) < ds12:
+        ds12 = separation(node_m, s1, node_m, s2)
+        if separation(node_m, s1, node_m, r) < ds12 and separation(node_m, s2, node_m, r) < ds12:
             _set_link(linked, degrees, s2, r, 1)
             _set_link(linked, degrees, s1, s2, 0)
         elif linked[s1, s2] == 0 and (
