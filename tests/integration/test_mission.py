@@ -67,8 +67,11 @@ def test_the_operator_sees_a_new_map_five_times_a_second(summary: MissionSummary
 
 def test_a_room_can_be_seen_in_3d(result: MissionResult) -> None:
     assert result.snapshot is not None
-    segments = result.snapshot.objects.segments_m
-    assert len(segments) > 200
+    objects = result.snapshot.objects
+    segments = objects.segments_m
+    assert 60 < len(segments) < 300
+    assert 20 < len(np.unique(objects.cluster)) < 60  # 31 things stand in the room, and each is there once
+    assert len(objects.panels.corners_m) > 30
     heights = segments[:, :, 2]
     assert heights.min() > -0.1
     assert np.percentile(heights, 99) < 1.6
