@@ -77,7 +77,7 @@ class Tracking(IntEnum):
     LOCATED = 0
     SEARCHING = 1  # it is looked for, and some places may be where it is
     LOST = 2  # it is looked for, and no place of the map fits so far
-    APART = 3  # a new piece of map has begun, which hangs on the old one by odometry alone
+    APART = 3  # in a piece of map that has not been joined to the rest
 
 
 KNOWN_PLACE = frozenset({Tracking.LOCATED, Tracking.APART})
