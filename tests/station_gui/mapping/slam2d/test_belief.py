@@ -14,7 +14,7 @@ def test_odometry_is_worth_less_the_farther_it_leads() -> None:
     still, driven = (odometry_sigma(MatchConfig(), np.array(motion)) for motion in ((0, 0, 0), (0.3, 0.4, -0.1)))
     config = MatchConfig()
     assert still.tolist() == [config.odometry_shift_m, config.odometry_shift_m, config.odometry_turn_rad]
-    assert driven == pytest.approx(still + (0.1, 0.1, 0.02))
+    assert driven == pytest.approx(still + np.array([0.1, 0.1, 0.02]))
 
 
 def test_surprise_counts_standard_deviations_in_the_robots_frame() -> None:

@@ -19,8 +19,7 @@ def test_a_map_is_one_piece_until_another_begins() -> None:
     pieces = Pieces()
     pieces.add_node()
     assert not pieces.apart
-    pieces.begin()
-    assert pieces.apart
+    assert _three().apart
     assert _three().of_node.tolist() == [0, 0, 1, 1, 2]
     assert _three().in_current.tolist() == [False, False, False, False, True]
 
@@ -29,7 +28,7 @@ def test_pieces_that_are_joined_are_the_older_one() -> None:
     pieces = _three()
     pieces.join(4, 2)
     assert pieces.of_node.tolist() == [0, 0, 1, 1, 1]
-    assert pieces.apart
+    assert pieces.in_current.tolist() == [False, False, True, True, True]
     pieces.join(0, 3)
     assert not pieces.of_node.any()
     assert not pieces.apart
@@ -42,7 +41,6 @@ def test_the_robot_goes_on_in_the_piece_where_it_was_found() -> None:
     pieces.load(np.array([0, 0, 1], np.int32))
     pieces.go_to(2)
     pieces.add_node()
-    assert pieces.apart
     pieces.go_to(0)
     pieces.add_node()
     assert not pieces.apart
