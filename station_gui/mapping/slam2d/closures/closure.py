@@ -21,7 +21,7 @@ class Closure:
     """Node `new` lies at `measured`, (3,), in the frame of node `old`; `information` (3, 3) in that frame.
 
     `searched`: the estimate was not good enough to start from, so that the place itself may be mistaken.
-    `partial`: most of what the new node saw is not known from the old one.
+    `partial`: much of what the new node saw is not known from the old one, and the rest does not hold it firmly.
     """
 
     old: int

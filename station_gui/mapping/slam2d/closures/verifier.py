@@ -52,9 +52,11 @@ class Verifier:
         moved_m = math.hypot(match.pose[0] - guess[0], match.pose[1] - guess[1])
         if not moved_m <= self._config.max_refinement_m:  # nor where it is not a number
             return None
-        partial = match.share < self._config.min_inlier_share
-        if partial and not (self._may_be_partial(pair) and (yield from self._agrees(query, match, views, share))):
+        known = match.share >= self._config.min_inlier_share
+        held = self._held_share(query, match)
+        if not known and not (self._may_be_partial(pair) and (yield from self._agrees(query, match, views, share))):
             return None
+        partial = not known and held < self._config.sure_held_share
         return Closure(pair.old, pair.new, match.pose, match.information, pair.shift_m > 0, partial)
 
     def _may_be_partial(self, pair: Candidate) -> bool:
@@ -65,10 +67,14 @@ class Verifier:
     ) -> Generator[None, None, bool]:
         """Enough points hold the query, and few are where the place is known to be empty."""
         config = self._config
-        points = float(np.linalg.eigvalsh(match.information[:2, :2])[0]) * self._matcher.noise_m**2
-        if match.share < config.min_partial_share or points < config.min_held_share * len(query.points_m):
+        if match.share < config.min_partial_share or self._held_share(query, match) < config.min_held_share:
             return False
         through = yield from seen_through_share(
             self.thinned(query), match.pose, views, config.through_margin_m, config.through_margin_ratio, share
         )
         return through <= config.max_through_share * (through + match.share)
+
+    def _held_share(self, query: LineScan, match: Match) -> float:
+        """Of all points: those that hold the direction in which the match is weaker."""
+        points = float(np.linalg.eigvalsh(match.information[:2, :2])[0]) * self._matcher.noise_m**2
+        return points / max(len(query.points_m), 1)

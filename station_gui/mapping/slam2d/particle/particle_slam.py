@@ -184,6 +184,7 @@ class ParticleSlam:
     def finish(self) -> None:
         """Close the last loops, and draw the grid afresh, so that it depends on the scans alone."""
         if self._steps:
+            self._closer.look_from_last(self._way())
             while self._closer.busy:
                 self._close(last=True)
         self._grid = FollowingGrid(self._config.grid)

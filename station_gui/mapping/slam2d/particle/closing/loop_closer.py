@@ -70,6 +70,11 @@ class LoopCloser:
                 self._finder.look_from(way, course.nodes - 2)
             self._maps.join(course.joined(self._config.bend.reach_m))
 
+    def look_from_last(self, way: Way) -> None:
+        """No further node comes: the last one is as complete as it will be."""
+        if self._course.nodes > 1:
+            self._finder.look_from(way, self._course.nodes - 1)
+
     def work(self, way: Way, ancestry: Ancestry, end: int, last: bool) -> Bent | None:
         """A bounded share of what there is to do; `end`: of the way in the ancestry; `last`: no scan comes any more."""
         self._looking = self._finder.busy and not (self._looking and self._bender.busy)  # in turns with bending
