@@ -18,9 +18,14 @@ from robot_app.drivers.lsm9ds1 import Lsm9ds1
 from robot_app.drivers.thermometer import CpuThermometer
 from robot_app.drivers.ubg04lx import Ubg04lx
 from shared.geometry.ackermann import CarGeometry
+from shared.link.base import LinkError
+from shared.link.es920lr.core import Ready
+from shared.link.radio_config import RadioConfig
+from shared.link.radios import open_one
 from shared.runtime.clock import Clock
 
 _PATIENCE_S = 3.0
+_RADIO_PATIENCE_S = 15.0  # at any baud rate, in any state
 _COLUMNS = ("device", "where", "found", "what it says, or what to do")
 
 
@@ -52,12 +57,31 @@ def check_devices(config: DeviceConfig, car: CarGeometry, clock: Clock) -> Itera
         yield finding
 
 
+def check_radios(radio: RadioConfig, clock: Clock) -> Iterator[Finding]:
+    """The same of each radio module, brought up as the link does it."""
+    for i, port in enumerate(radio.ports):
+        try:
+            finding = Finding(f"radio {'AB'[i]}", port, True, _radio(radio, i, clock))
+        except LinkError as error:
+            finding = Finding(f"radio {'AB'[i]}", port, False, str(error))
+        yield finding
+
+
 def table_row(finding: Finding | None) -> str:
     """A line of the table; the heading for None."""
     cells = _COLUMNS
     if finding is not None:
         cells = (finding.device, finding.where, "yes" if finding.found else "NO", finding.words)
     return f"{cells[0]:<13} {cells[1]:<40} {cells[2]:<6} {cells[3]}"
+
+
+def _radio(c: RadioConfig, radio: int, clock: Clock) -> str:
+    settings = c.settings(radio)
+    with open_one(c, radio, clock) as driver:
+        events = driver.wait_until_operating(_RADIO_PATIENCE_S)
+    was_asked = any(isinstance(event, Ready) and event.settings is not None for event in events)
+    at = f"{settings.bandwidth_hz / 1e3:g} kHz, SF{settings.spreading_factor}, channel {settings.channel}"
+    return f"operates at {at}" if was_asked else f"operates; `radio-config check` tells whether at {at}"
 
 
 def _drive(c: DeviceConfig, car: CarGeometry, clock: Clock) -> str:

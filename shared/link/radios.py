@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from shared.link.byte_port import BytePort
 from shared.link.es920lr.driver import Es920lr
@@ -29,6 +30,20 @@ def open_pair(config: RadioConfig, pairing: Pairing, clock: Clock, *, is_robot: 
     pair_config = (beside_wifi if has_wifi else alone)(settings)
     make = robot_radios if is_robot else station_radios
     return make(openers, settings, pairing.radio_key, clock, pair_config, when_closed=ports.close)
+
+
+@contextmanager
+def open_one(config: RadioConfig, radio: int, clock: Clock) -> Iterator[Es920lr]:
+    """One module by itself, to look at it. Raises `LinkError`."""
+    ports = _Ports(config, clock)
+    try:
+        driver = ports.opener(radio, config.ports[radio])()
+        try:
+            yield driver
+        finally:
+            driver.close()
+    finally:
+        ports.close()
 
 
 class _Ports:

@@ -11,16 +11,25 @@ import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from robot_app import __main__ as command
+from robot_app.check import check_radios
 from robot_app.config import DEFAULT_PATH, load_config
 from robot_app.drivers.config import DeviceConfig
 from robot_app.service import ServiceManager
+from shared.link.es920lr.settings import RadioSettings
+from shared.link.pairing import read_pairing
+from shared.link.radio_config import RadioConfig
 from shared.link.tcp import TcpServerLink
 from shared.runtime.clock import MonotonicClock
+from tools.simulator.devices.es920lr import EmulatedEs920lr
 from tools.simulator.devices.robot import EmulatedRobot
 from tools.simulator.devices.scip_sensor import Mode
+from tools.simulator.radio.channel import RadioChannel
+from tools.simulator.radio.ports import PtyRadios
+from tools.simulator.radio.timeline import Timeline
 
 PATIENCE_S = 60.0
 
@@ -137,6 +146,28 @@ def test_a_misspelt_key_is_one_line_and_exit_code_2(
     assert call(monkeypatch, "--config", path) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "devices.drive.foward_line, did you mean devices.drive.forward_line?" in line
+
+
+def test_a_new_pairing_file_can_be_read_and_is_not_written_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "keys" / "pairing.pem"
+    assert call(monkeypatch, "--new-pairing", path) == 0
+    assert capsys.readouterr().out.strip() == f"{path}: {read_pairing(path).fingerprint}"
+    assert call(monkeypatch, "--new-pairing", path) == 2
+    assert "is there already" in capsys.readouterr().err
+
+
+def test_the_radios_are_checked_one_by_one() -> None:
+    clock = MonotonicClock()
+    timeline = Timeline(clock)
+    air = RadioChannel(timeline, np.random.default_rng(1))
+    with PtyRadios(clock, timeline, [EmulatedEs920lr(timeline, air, "module", RadioSettings(), (0.0, 0.0))]) as radios:
+        ports = (radios.paths[0], "/dev/no-such-port")
+        good, bad = check_radios(RadioConfig(ports), clock)
+    assert (good.device, good.found, good.words) == ("radio A", True, "operates at 500 kHz, SF7, channel 1")
+    assert (bad.device, bad.found) == ("radio B", False)
+    assert "there is no such port" in bad.words
 
 
 def test_the_file_that_comes_along_holds_the_defaults() -> None:
