@@ -219,6 +219,28 @@ def test_one_bad_file_does_not_lose_the_figures_of_the_others(
     assert printed.err.count("\n") == 1
 
 
+def room_with_a_table(wall_m: float) -> tuple[DepthImage, Intrinsics]:
+    """A table 0.5 m under the camera and up to 1.2 m before it, the floor 1.2 m under it, and a wall."""
+    pitch = 0.3
+    lens = Intrinsics(640, 480, 585.0, 585.0, 320.0, 240.0)
+    _, slopes = lens.ray_slopes()
+    fall = np.maximum(slopes * math.cos(pitch) + math.sin(pitch), 1e-3)
+    ahead = math.cos(pitch) - slopes * math.sin(pitch)
+    depth_m = np.minimum(1.2 / fall, wall_m / ahead)
+    depth_m = np.where(0.5 / fall * ahead < 1.2, 0.5 / fall, depth_m)[:, None].repeat(640, axis=1)
+    return DepthImage(0.0, (depth_m * 1000).astype(np.uint16), 0.001), lens
+
+
+def test_a_table_is_not_taken_for_the_floor_that_is_seen_behind_it() -> None:
+    mount = find_floor(*room_with_a_table(wall_m=6.0))
+    assert mount is not None
+    assert mount.matrix[2, 3] == pytest.approx(1.2, abs=0.03)
+
+
+def test_a_table_before_a_wall_that_goes_on_below_it_is_no_floor() -> None:
+    assert find_floor(*room_with_a_table(wall_m=2.0)) is None
+
+
 @pytest.mark.skipif(not CLOUDS.is_dir(), reason="the labelled clouds (../shared/data/depth) are not here")
 def test_the_labelled_objects_are_found_and_their_boundaries_drawn(capsys: pytest.CaptureFixture[str]) -> None:
     assert extraction.run(parse(*(str(path) for path in sorted(CLOUDS.glob("*.pcd"))), "--json")) == 0
