@@ -25,7 +25,7 @@ from station_gui.config import StationConfig
 from station_gui.config import load_config as load_station
 from tools.evaluate.mapping.pictures import draw_beside_truth, draw_overlay
 from tools.evaluate.mapping.repeat import repeatability
-from tools.evaluate.mapping.trial import Trial, is_recorded, map_again, simulate
+from tools.evaluate.mapping.trial import Trial, is_recorded, map_again, simulate, warm_up
 from tools.simulator.links import LINK_NAMES, LinkName
 from tools.simulator.scenario import Scenario, find_scenario
 
@@ -101,7 +101,7 @@ def _trials(args: argparse.Namespace, folder: Path) -> list[Trial]:
             with tqdm(desc=place.name, unit=" s simulated", disable=not sys.stderr.isatty(), leave=False) as bar:
                 simulate(scenario, link, number, robot, station, place, partial(_show, bar), args.minutes)
         if not trials:
-            map_again(place, station)  # loads the kernels, so that the first trial is timed like the others
+            warm_up(place, station)
         trials.append(map_again(place, station))
         print(_row(str(number), figures_of(trials[-1])), flush=True)
     return trials
@@ -110,7 +110,7 @@ def _trials(args: argparse.Namespace, folder: Path) -> list[Trial]:
 def _draw(trials: list[Trial], folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     scenario = trials[0].driven.scenario
-    draw_overlay(trials, folder / f"{scenario}-overlay.png", f"{scenario}: {len(trials)} trials")
+    draw_overlay(trials, folder / f"{scenario}-overlay.png", f"{scenario}: {len(trials)} trials over one another")
     for trial in trials:
         name = f"{scenario}-{trial.driven.link}-{trial.driven.seed}"
         draw_beside_truth(trial, folder / f"{name}.png", name)

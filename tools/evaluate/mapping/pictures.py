@@ -96,8 +96,9 @@ def draw_beside_truth(trial: Trial, path: Path, title: str) -> None:
     _draw_floor(draw, view, trial)
     _draw_edges(ImageDraw.Draw(mapped, "RGBA"), view, trial, 255)
     _draw_robot(draw, view, trial)
+    inner = {item.name for item in trial.truth.scenario.items if item.kind == "wall"}
     for solid in _from_behind(solids_of(trial.truth.scenario)):
-        _draw_solid(ImageDraw.Draw(true), view, solid)
+        _draw_solid(ImageDraw.Draw(true, "RGBA"), view, solid, 70 if solid.name in inner else 255)
     _save([("map", mapped), ("truth", true)], view, path, title)
 
 
@@ -147,7 +148,7 @@ def _draw_robot(draw: ImageDraw.ImageDraw, view: _View, trial: Trial) -> None:
         draw.polygon(view.pixels(_lifted(room_from_robot.apply(body), float(height_m))), fill=_ROBOT)
 
 
-def _draw_solid(draw: ImageDraw.ImageDraw, view: _View, solid: Solid) -> None:
+def _draw_solid(draw: ImageDraw.ImageDraw, view: _View, solid: Solid, alpha: int) -> None:
     """The faces towards the viewer, who looks from the south."""
     wall = solid.name.startswith("wall_")
     colour, corners = (_WALL if wall else _BOX), solid.corners_m()
@@ -159,8 +160,8 @@ def _draw_solid(draw: ImageDraw.ImageDraw, view: _View, solid: Solid) -> None:
         facing = out @ np.array([math.sin(_AZIMUTH_RAD), math.cos(_AZIMUTH_RAD)])
         if facing < 0:
             shade = 0.72 + 0.16 * abs(float(facing)) / float(np.hypot(*out))
-            draw.polygon([low[k], low[n], high[n], high[k]], fill=_shaded(colour, shade), outline=_INK)
-    draw.polygon(high, fill=colour, outline=_INK)
+            draw.polygon([low[k], low[n], high[n], high[k]], fill=(*_shaded(colour, shade), alpha), outline=_INK)
+    draw.polygon(high, fill=(*colour, alpha), outline=_INK)
 
 
 def _from_behind(solids: tuple[Solid, ...]) -> Iterator[Solid]:
