@@ -136,7 +136,7 @@ def _name_of(args: argparse.Namespace, scenario: Scenario, link: LinkName, numbe
 
 
 def link_list(text: str) -> tuple[LinkName, ...]:
-    known = {name: name for name in LINK_NAMES}
+    known: dict[str, LinkName] = {name: name for name in LINK_NAMES}
     parts = text.split(",")
     if not all(part in known for part in parts) or len(set(parts)) != len(parts):
         raise argparse.ArgumentTypeError(f"{text!r} is no list of links; write one or several of {','.join(known)}")

@@ -101,8 +101,8 @@ def _across_m(upright_m: NDArray[np.floating], corner_lines_m: FloatArray) -> Fl
     """Level distances of what the map has to the nearest true edge, where there is one."""
     points_m = sampled(upright_m, STEP_M)[0]
     true_m = sampled(corner_lines_m, STEP_M)[0]
-    distance_m, nearest = cKDTree(true_m).query(points_m.reshape(-1, 3), distance_upper_bound=_PHANTOM_M)
-    known = np.isfinite(distance_m)
+    nearest = np.asarray(cKDTree(true_m).query(points_m, distance_upper_bound=_PHANTOM_M)[1], dtype=np.int64)
+    known = nearest < len(true_m)
     off_m = points_m[known, :2] - true_m[nearest[known], :2]
     return np.asarray(np.hypot(off_m[:, 0], off_m[:, 1]), dtype=np.float64)
 
