@@ -7,10 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
+from station_gui.planning.body import _kernels as body
 from station_gui.planning.costmap import Costmap
 from station_gui.planning.lattice import _kernels as lattice
+from station_gui.planning.road import Road
+
+_HEADINGS = 24
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,20 +38,24 @@ class Guide:
         return np.column_stack((columns * self.cell_m + self.origin_m[0], rows * self.cell_m + self.origin_m[1]))
 
 
-def make_guide(
-    costmap: Costmap, start_m: NDArray[np.float64], goal_m: NDArray[np.float64], half_width_m: float, factor: int
-) -> Guide:
-    """`factor` cells of the map, each way, make one of the guide."""
-    passable = ndimage.maximum_filter(costmap.clearance_m, factor)[factor // 2 :: factor, factor // 2 :: factor]
-    cell_m = factor * costmap.cell_m
+def make_guide(road: Road, goal_m: NDArray[np.float64], factor: int) -> Guide:
+    """`factor` cells of the map, each way, make one of the guide.
+
+    The point is the rear axle; it goes where the bare car fits with some heading. The margin, which is more than half
+    a cell, makes up for looking at the middles of cells alone.
+    """
+    rows, columns = (-(-k // factor) for k in road.field_m.shape)
+    cell_m = factor * float(road.frame[2])
+    fits = np.empty((rows, columns), bool)
+    body.where_it_fits(road.field_m, road.frame, road.car, cell_m, _HEADINGS, fits)
     ways = []
-    for point in (goal_m, start_m):
-        way_m = np.empty(passable.shape)
-        column, row = ((point - costmap.origin_m) / cell_m).astype(int)
-        row, column = (min(max(int(k), 0), n - 1) for k, n in zip((row, column), passable.shape, strict=True))
-        lattice.ways_to_goal(passable >= half_width_m, cell_m, row, column, way_m)
+    for point in (goal_m, road.start[:2]):
+        way_m = np.empty((rows, columns))
+        column, row = ((point - road.frame[:2]) / cell_m).astype(int)
+        row, column = min(max(int(row), 0), rows - 1), min(max(int(column), 0), columns - 1)
+        lattice.ways_to_goal(fits, cell_m, row, column, way_m)
         ways.append(way_m)
-    return Guide(ways[0], ways[1], costmap.origin_m, cell_m)
+    return Guide(ways[0], ways[1], (float(road.frame[0]), float(road.frame[1])), cell_m)
 
 
 def coarsening(costmap: Costmap, cell_m: float, headings: int, max_states: int) -> int:

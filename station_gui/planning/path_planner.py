@@ -14,6 +14,7 @@ from shared.geometry.ackermann import CarGeometry
 from shared.geometry.se2 import Pose2
 from shared.runtime.clock import stopwatch_s
 from station_gui.mapping.snapshot import GridMap
+from station_gui.planning.body import _kernels as body
 from station_gui.planning.config import PlannerConfig
 from station_gui.planning.costmap import Costmap, make_costmap
 from station_gui.planning.guide import Guide, coarsening, make_guide
@@ -81,6 +82,7 @@ class PathPlanner:
         costmap = make_costmap(grid, self._car, self._config.costmap, map_from_robot)
         self._check_goal(costmap, goal_m)
         road = self._road(costmap, map_from_robot)
+        self._check_room(road, goal_m, goal_heading_rad)
         goal = Target(np.array([*goal_m, goal_heading_rad or 0.0]), goal_heading_rad is None)
         guide = self._guide(costmap, road, goal)
         elements = self._way(road, guide, goal, self._timer(self._config.timeout_s))
@@ -151,7 +153,15 @@ class PathPlanner:
             raise PlanningError(Refusal.OCCUPIED)
         if costmap.unknown[cell]:
             raise PlanningError(Refusal.UNKNOWN)
-        if costmap.clearance_m[cell] < self._car.width_m / 2 + self._config.check_margin_m:
+
+    def _check_room(self, road: Road, goal_m: tuple[float, float], heading_rad: float | None) -> None:
+        """Whether the car can stand at the goal."""
+        place, margin_m = (road.field_m, road.frame, road.car), self._config.margin_m
+        if heading_rad is None:
+            fits = body.fits_somehow(*place, *goal_m, self._config.lattice.headings, margin_m)
+        else:
+            fits = body.body_clearance(*place, *goal_m, heading_rad) >= margin_m
+        if not fits:
             raise PlanningError(Refusal.TOO_NEAR)
 
     def _road(self, costmap: Costmap, map_from_robot: Pose2) -> Road:
@@ -175,7 +185,7 @@ class PathPlanner:
     def _guide(self, costmap: Costmap, road: Road, goal: Target) -> Guide:
         config = self._config.lattice
         factor = coarsening(costmap, config.cell_m, config.headings, config.max_states)
-        guide = make_guide(costmap, road.start[:2], goal.pose[:2], self._car.width_m / 2, factor)
+        guide = make_guide(road, goal.pose[:2], factor)
         if not guide.connected:
             raise PlanningError(Refusal.NO_WAY)
         return guide

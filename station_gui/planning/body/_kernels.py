@@ -79,3 +79,32 @@ def body_clearance(field_m: Floats, frame: Floats, car: Floats, x: float, y: flo
     least = _along(field_m, frame, right_x, right_y, c, s, length, least)
     least = _along(field_m, frame, left_x, left_y, c, s, length, least)
     return float(_along(field_m, frame, right_x, right_y, -s, c, 2.0 * half, least))
+
+
+@njit(nogil=True, cache=True)
+def fits_somehow(
+    field_m: Floats, frame: Floats, car: Floats, x: float, y: float, headings: int, needed: float
+) -> bool:  # fmt: skip
+    """Whether the car can have its rear axle there with any of so many headings and `needed` metres to spare."""
+    clear = clearance_at(field_m, frame, x, y)
+    if clear < min(car[0], car[2]) + needed:
+        return False
+    if clear >= math.hypot(max(car[0], car[1]), car[2]) + needed:
+        return True
+    for k in range(headings):
+        if body_clearance(field_m, frame, car, x, y, 2.0 * math.pi * k / headings) >= max(needed, 1e-9):
+            return True
+    return False
+
+
+@njit(nogil=True, cache=True)
+def where_it_fits(
+    field_m: Floats, frame: Floats, car: Floats, cell: float, headings: int, fits: NDArray[np.bool_]
+) -> None:
+    """Write for the middle of each cell of `fits` (rows, columns) whether the car fits there without a margin."""
+    rows, columns = fits.shape
+    for i in range(rows):
+        for j in range(columns):
+            x = frame[0] + (j + 0.5) * cell
+            y = frame[1] + (i + 0.5) * cell
+            fits[i, j] = fits_somehow(field_m, frame, car, x, y, headings, 0.0)

@@ -193,3 +193,13 @@ def test_the_true_rectangle_passes_where_a_circle_round_the_car_would_not() -> N
     assert plan.length_m == pytest.approx(2.5, abs=0.02)
     assert plan.clearance_m == pytest.approx(0.08, abs=0.012)
     assert plan.clearance_m >= PlannerConfig().margin_m
+
+
+def test_a_goal_near_a_wall_is_reached_with_the_rear_to_it_and_nearer_ones_are_refused() -> None:
+    """The rear axle stands 4.5 cm before the rear bumper, but half a width from the sides."""
+    grid, start = _grid(), Pose2(2.0, 2.0, 0.0)
+    plan = _plan(grid, start, (0.11, 2.0))
+    assert abs(wrap_angle(plan.path[-1, 2])) < 0.3
+    assert not _touched(plan.path, grid)
+    with pytest.raises(PlanningError, match="too near"):
+        _plan(grid, start, (0.07, 2.0))

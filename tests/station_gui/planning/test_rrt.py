@@ -3,7 +3,6 @@ import math
 import numpy as np
 
 from station_gui.planning.config import TreeConfig
-from station_gui.planning.costmap import Costmap
 from station_gui.planning.guide import Guide, make_guide
 from station_gui.planning.road import Road
 from station_gui.planning.rrt import Tree
@@ -23,10 +22,9 @@ def _scene() -> tuple[Road, Guide]:
     dx = np.maximum(np.maximum(columns.min() - x, x - columns.max()), 0)
     dy = np.maximum(rows.min() - y, 0)
     field = np.maximum(np.minimum(np.hypot(dx, dy), np.minimum.reduce([x, y, 199 - x, 199 - y])) - 0.5, 0.0) * 0.02
-    costmap = Costmap(field, np.zeros_like(blocked), blocked, (0.0, 0.0), 0.02)
     start = np.array([0.7, 3.0, -1.57, 0.05])
     road = Road(field, np.array([0.0, 0.0, 0.02]), np.array([0.045, 0.305, 0.1, 0.05, 0.15]), start, _COSTS)
-    return road, make_guide(costmap, start[:2], _GOAL.pose[:2], 0.1, 2)
+    return road, make_guide(road, _GOAL.pose[:2], 2)
 
 
 def _never() -> bool:
