@@ -57,10 +57,6 @@ class BlockMaps:
         return self._config.cell_m
 
     @property
-    def max_count(self) -> int:
-        return self._config.max_count
-
-    @property
     def blocks_in_use(self) -> int:
         return len(self.blocks.free) - int(self.blocks.counts[1])
 
