@@ -152,13 +152,14 @@ class Uplink:
         if self._wants_keyframe and now_s - self._keyframe_s >= _KEYFRAME_S:
             self._wants_keyframe = False
             self._encoder.reset()
-        encoded = self._encoder.encode(observation, self._budget.most_bytes)
+        slow = self._link.path is LinkPath.RADIO
+        encoded = self._encoder.encode(observation, self._budget.most_bytes if slow else None)
         if encoded.keyframe:
             self._keyframe_s = now_s
         if not self._send(encoded.full, Lane.BULK, for_radio=_for_radio(encoded)):
             self._encoder.reset()
             return False
-        if self._link.path is LinkPath.RADIO:
+        if slow:
             self._budget.sent(now_s, len(encoded.compact or encoded.full), waited)
         return True
 
