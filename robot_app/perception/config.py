@@ -49,6 +49,7 @@ class EdgeConfig:
     def __post_init__(self) -> None:
         _require(1 <= self.stride_px <= 32, "stride_px must be 1 to 32")
         _require(0 < self.range_min_m < self.range_max_m, "range_min_m must be positive and below range_max_m")
+        _require(self.range_max_m * self.max_detail <= 45.0, "range_max_m times max_detail must not be above 45")
         _require(self.max_edges >= 2, "max_edges must be at least 2")
         _require(self.max_samples >= 2, "max_samples must be at least 2")
         _require(self.max_hole_cells >= 1, "max_hole_cells must be at least 1")
@@ -87,7 +88,7 @@ class RefineConfig:
     loop_reach_m: float = 0.35  # how far an open end looks for its partner
     min_connection_m: float = 0.1  # γ3; less for curves smaller than `detail_curve_m`
     node_reach_m: float = 0.2  # n_x = n_y = n_z
-    node_support_m: float = 0.06  # the length of edge that has to lie within node_reach_m
+    node_support_m: float = 0.12  # the length of edge that has to lie within node_reach_m
     connection_reach_m: float = 0.06  # q_x = q_y = q_z
     loop_step_m: float = 0.015  # of the points that are looked at along what would close a loop
     connection_step_m: float = 0.04  # of the points that are looked at along a connection

@@ -78,7 +78,7 @@ def near_edge(
 def is_supported(
     node_m: F32, a: int, b: int, lens: F64, stride: int, reach_m: float, step_m: float, edge_m: F32, edge_at: I32
 ) -> bool:
-    """Whether edge points lie all along a connection (eqs 31-33, which look at its middle alone)."""
+    """Whether edge points lie all along a connection, at points every `step_m` (eqs 31-33; see `Refiner`)."""
     x, y, z = node_m[a, 0], node_m[a, 1], node_m[a, 2]
     dx, dy, dz = node_m[b, 0] - x, node_m[b, 1] - y, node_m[b, 2] - z
     row_lens, column_lens, row_middle, column_middle = (

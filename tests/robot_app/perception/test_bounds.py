@@ -77,5 +77,7 @@ def test_an_ordinary_frame_is_far_from_the_caps(world, room) -> None:
 
 
 def test_what_no_cap_can_be_is_refused() -> None:
+    with pytest.raises(ValueError, match="max_detail"):
+        replace(EdgeConfig(), range_max_m=20.0)
     with pytest.raises(ValueError, match="max_edges"):
         replace(EdgeConfig(), max_edges=1)

@@ -11,6 +11,7 @@ import pytest
 
 from robot_app.perception.config import LearningConfig, RefineConfig
 from robot_app.perception.learner import Network
+from robot_app.perception.learners.fast._kernels import node_probability
 from robot_app.perception.learners.simplified import _kernels as kernels
 from robot_app.perception.simplified_fast_gng import SimplifiedFastGng
 
@@ -191,6 +192,7 @@ def test_the_chance_of_a_sample_is_equation_12_times_its_weight(distance_m: floa
     chance = np.zeros((1, 32), np.float32)
     kernels.node_chances(near, weight, 0, 0.1, 0.175, 1.55, chance)
     expected = 0.0 if distance_m < 0.1 else 1.0 if distance_m <= 0.175 else math.tanh(1.55 * 0.175 / distance_m)
+    assert node_probability(distance_m, 0.1, 0.175, 1.55) == pytest.approx(expected, rel=1e-12)
     assert chance == pytest.approx(3.0 * expected, rel=1e-6, abs=1e-12)
 
 
@@ -201,3 +203,23 @@ def test_the_longest_connection_of_a_crowded_node_goes_first() -> None:
     room = np.zeros((16, 2), np.int32), np.zeros(16, np.float32), linked.sum(axis=0, dtype=np.int32)
     kernels.limit_degree(node_m, linked, 4, 2, *room)
     assert linked[0].tolist() == [0, 1, 1, 0]
+
+
+def test_hundreds_of_curves_are_learned_apart_and_in_their_own_shapes() -> None:
+    rng = np.random.default_rng(1)
+    count, detail = 700, 4.0
+    sample_m = rng.uniform((-8.0, -5.0, 0.5), (8.0, 5.0, 9.0), (2 * count, 3)).astype(np.float32)
+    curve = np.repeat(np.arange(count, dtype=np.int32), 2)
+    blocks = -(-2 * count // kernels.LANES)
+    place, box = np.zeros((blocks, 3, kernels.LANES), np.float32), np.zeros((6, blocks), np.float32)
+    weight, heaviest = np.zeros((blocks, kernels.LANES), np.float32), np.zeros(blocks, np.float32)
+    kernels.lay_out_samples(
+        sample_m, np.ones(2 * count, np.float32), curve, 2 * count, np.full(count, detail, np.float32), 128.0,
+        place, box, weight, heaviest,
+    )  # fmt: skip
+    laid_m = place.transpose(0, 2, 1).reshape(-1, 3)[: 2 * count].reshape(count, 2, 3).astype(float)
+    ways_m = np.diff(sample_m.reshape(count, 2, 3).astype(float), axis=1)[:, 0]
+    np.testing.assert_allclose((laid_m[:, 1] - laid_m[:, 0]) / detail, ways_m, atol=1e-4)
+    middles_m = laid_m.mean(axis=1)
+    gap_m = np.abs(middles_m[:, None] - middles_m[None]).max(axis=2) + 1e3 * np.eye(count)
+    assert gap_m.min() > 50.0

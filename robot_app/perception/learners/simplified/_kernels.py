@@ -63,18 +63,21 @@ def lay_out_samples(
 ) -> int:
     """Fill the blocks, the last one up with copies that weigh nothing; returns how many there are.
 
-    `curve_detail`: (K,) by how much shorter connections may be; `apart_m`: how far from each other curves are learned.
+    `curve_detail`: (K,) by how much shorter connections may be; `apart_m`: how far from each other curves are learned:
+    in rows of 8 to each side, so that no coordinate is so great that float32 would round it by more than a tenth of a
+    millimetre.
     """
     blocks = (samples + LANES - 1) // LANES
+    rank = 0
     for at in range(blocks * LANES):
         i = min(at, samples - 1)
         b, lane, curve = at // LANES, at % LANES, sample_curve[i]
-        detail, aside_m = np.float32(1.0), 0.0
-        if apart_m > 0.0:  # otherwise curves are learned where they are, all with the same lengths
-            detail, aside_m = curve_detail[curve], apart_m * curve
-        place[b, 0, lane] = sample_m[i, 0] * detail + aside_m
-        place[b, 1, lane] = sample_m[i, 1] * detail
-        place[b, 2, lane] = sample_m[i, 2] * detail
+        rank += i > 0 and curve != sample_curve[i - 1]
+        # Without `apart_m` curves are learned where they are, all with the same lengths.
+        detail = curve_detail[curve] if apart_m > 0.0 else np.float32(1.0)
+        place[b, 0, lane] = sample_m[i, 0] * detail + apart_m * (rank % 8)
+        place[b, 1, lane] = sample_m[i, 1] * detail + apart_m * (rank // 8 % 8)
+        place[b, 2, lane] = sample_m[i, 2] * detail + apart_m * (rank // 64)
         weight[b, lane] = sample_weight[i] if at < samples else np.float32(0.0)
     for b in range(blocks):
         heaviest[b] = 0.0
