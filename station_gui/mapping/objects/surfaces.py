@@ -15,7 +15,7 @@ from station_gui.mapping.objects.fronts import Front, fronts_of
 from station_gui.mapping.objects.fusing.fused_edges import Edges
 from station_gui.mapping.objects.kinds import kinds_of
 from station_gui.mapping.objects.ransac.ransac import LineFitter
-from station_gui.mapping.objects.wires import Wires, standing, tidied, without_chords
+from station_gui.mapping.objects.wires import Wires, near_pairs, standing, tidied, without_chords
 from station_gui.mapping.snapshot import NO_OBJECTS, ObjectKind, ObjectMap, Panels
 
 FloatArray = NDArray[np.float64]
@@ -79,10 +79,10 @@ def _objects(wires: Wires, fronts: list[Front], config: SurfaceConfig) -> NDArra
     posts, rails = len(posts_m), len(rails_m)
     pairs: list[tuple[int, int]] = []
     if rails:
-        a, b = _near(rails_m.reshape(-1, 3), rails_m.reshape(-1, 3), join_m)
+        a, b = near_pairs(rails_m.reshape(-1, 3), rails_m.reshape(-1, 3), join_m)
         pairs += zip((posts + a // 2).tolist(), (posts + b // 2).tolist(), strict=True)
     if rails and posts:
-        a, b = _near(rails_m.reshape(-1, 3), posts_m[:, 1], join_m)
+        a, b = near_pairs(rails_m.reshape(-1, 3), posts_m[:, 1], join_m)
         pairs += zip((posts + a // 2).tolist(), b.tolist(), strict=True)
     for k, front in enumerate(fronts):
         pairs += [(posts + rails + k, posts + rail) for rail in sorted(front.rails)]
@@ -117,7 +117,7 @@ def _top_faces(
 ) -> tuple[list[FloatArray], NDArray[np.int64]]:
     """A parallelogram between two level edges that meet at a corner, the largest first; each edge bounds one."""
     found: list[tuple[float, int, int, FloatArray]] = []
-    i, j = _near(rails_m.reshape(-1, 3), rails_m.reshape(-1, 3), config.join_m)
+    i, j = near_pairs(rails_m.reshape(-1, 3), rails_m.reshape(-1, 3), config.join_m)
     for a, b in sorted({(a, b) for a, b in zip((i // 2).tolist(), (j // 2).tolist(), strict=True) if a < b}):
         face = _face(rails_m[a], rails_m[b])
         if owner[a] == owner[b] and face is not None:
@@ -142,13 +142,6 @@ def _face(a: FloatArray, b: FloatArray) -> FloatArray | None:
     if abs(u[0] * v[1] - u[1] * v[0]) < _CORNER_SINE * math.hypot(u[0], u[1]) * math.hypot(v[0], v[1]):
         return None
     return np.array([a[i], a[i] + u, a[i] + u + v, a[i] + v])
-
-
-def _near(a_m: FloatArray, b_m: FloatArray, reach_m: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pairs of indices of points, (A, 3) and (B, 3), within `reach_m` of one another."""
-    gap = a_m[:, None] - b_m[None]
-    a, b = np.nonzero(np.einsum("abk,abk->ab", gap, gap) <= reach_m**2)
-    return a, b
 
 
 def _upright(ends_m: FloatArray, height_m: float) -> FloatArray:

@@ -13,6 +13,7 @@ from station_gui.mapping.objects.fusing.fused_edges import Edges
 from station_gui.mapping.objects.reference import coordinates, directions
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 _ALONG_SINE = 0.17  # 10 degrees
 _ACROSS_M = 0.025  # an upright edge that stands farther beside a level one is of another front
@@ -75,23 +76,35 @@ def without_chords(wires: Wires, lines_m: FloatArray, config: SurfaceConfig) -> 
     return Wires(wires.posts_m, rails_m[~chord])
 
 
+def near_pairs(a_m: FloatArray, b_m: FloatArray, reach_m: float) -> tuple[IntArray, IntArray]:
+    """Pairs of indices of points, (A, D) and (B, D), within `reach_m` of one another, in the order of the first."""
+    if len(a_m) == 0 or len(b_m) == 0:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    found = cKDTree(a_m).sparse_distance_matrix(cKDTree(b_m), reach_m, output_type="ndarray")
+    order = np.lexsort((found["j"], found["i"]))
+    return found["i"][order].astype(np.int64), found["j"][order].astype(np.int64)
+
+
 def _meet(posts_m: FloatArray, rails_m: FloatArray, join_m: float) -> None:
     """Level edges end at the upright ones that they reach; an upright one ends where a level one tops it."""
-    beside_m = posts_m[None, None, :, 0, :2] - rails_m[:, :, None, :2]  # (L, 2, P, 2)
-    gap_m = np.hypot(beside_m[..., 0], beside_m[..., 1])
-    way = rails_m[:, 1, :2] - rails_m[:, 0, :2]
-    way /= np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-9)[:, None]
-    across_m = way[:, None, None, 0] * beside_m[..., 1] - way[:, None, None, 1] * beside_m[..., 0]
-    gap_m = np.where(np.abs(across_m) <= _ACROSS_M, gap_m, np.inf)
-    z = rails_m[:, 0, 2][:, None, None]
-    low, high = posts_m[:, 0, 2], posts_m[:, 1, 2]
-    gap_m = np.where((z > low - join_m) & (z < high + join_m), gap_m, np.inf)
-    nearest = gap_m.argmin(axis=2)
-    rails, ends = np.nonzero(gap_m.min(axis=2) <= join_m)
-    posts = nearest[rails, ends]
-    short = nearest[:, 0] == nearest[:, 1]  # both ends at one upright edge: there is nothing left of it
-    usable = ~short[rails]
-    rails, ends, posts = rails[usable], ends[usable], posts[usable]
+    end, post = near_pairs(rails_m[:, :, :2].reshape(-1, 2), posts_m[:, 0, :2], join_m)
+    rail = end // 2
+    way = rails_m[rail, 1, :2] - rails_m[rail, 0, :2]
+    beside_m = posts_m[post, 0, :2] - rails_m[rail, end % 2, :2]
+    across_m = np.abs(way[:, 0] * beside_m[:, 1] - way[:, 1] * beside_m[:, 0])
+    z, low, high = rails_m[rail, 0, 2], posts_m[:, 0, 2], posts_m[:, 1, 2]
+    usable = (
+        (across_m <= _ACROSS_M * np.hypot(way[:, 0], way[:, 1])) & (z > low[post] - join_m) & (z < high[post] + join_m)
+    )
+    end, post, gap_m = end[usable], post[usable], np.hypot(*beside_m[usable].T)
+    order = np.lexsort((post, gap_m, end))
+    end, first = np.unique(end[order], return_index=True)  # the nearest upright edge of each end
+    post = post[order][first]
+    at = np.full(2 * len(rails_m), -1)
+    at[end] = post
+    whole = at[0::2] != at[1::2]  # both ends at one upright edge: there would be nothing left of it
+    usable = whole[end // 2]
+    rails, ends, posts = end[usable] // 2, end[usable] % 2, post[usable]
     rails_m[rails, ends, :2] = posts_m[posts, 0, :2]
     topping = np.abs(rails_m[rails, 0, 2] - high[posts]) <= join_m
     top_m = np.full(len(posts_m), -np.inf)

@@ -15,8 +15,9 @@ F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 U8 = NDArray[np.uint8]
 
-_SAMPLES = 5  # points of an edge that have to be in view
-_VIEWED = 4  # and how many of them
+_SAMPLES = 8  # points of an edge that are looked at:
+_IN_VIEW = 3  # so many have to be in the image, of a tall edge only the lower part may be,
+_UNHIDDEN = 0.8  # and this share of them not hidden
 _SCAN_SLACK_M = 0.10
 _THROUGH_M = 0.20
 _THROUGH_SIDE_M = 0.04
@@ -267,7 +268,7 @@ def judge(
         far = math.hypot(ends_m[i, 0, 0] - pose[0], ends_m[i, 0, 1] - pose[1])
         if far > camera[6] + 3.0:
             continue
-        seen = 0
+        inside, seen = 0, 0
         for k in range(_SAMPLES):
             t = (k + 0.5) / _SAMPLES
             mx = ends_m[i, 0, 0] + t * (ends_m[i, 1, 0] - ends_m[i, 0, 0]) - pose[0]
@@ -276,11 +277,12 @@ def judge(
             x, y = c * mx + s * my, -s * mx + c * my
             if not in_view(x, y, z, camera):
                 continue
+            inside += 1
             away = math.hypot(x - scanner[0], y - scanner[1])
             bearing = math.atan2(y - scanner[1], x - scanner[0]) - scanner[2]
             echo, beams = _nearest_echo_m(bearing, 1.5 * step_rad, ranges_m, first_rad, step_rad)
             seen += 1 if beams > 0 and echo > away - _SCAN_SLACK_M else 0
-        if seen >= _VIEWED:
+        if inside >= _IN_VIEW and seen >= _UNHIDDEN * inside:
             verdict[i] = 1
         if kinds[i] == 1 and ends_m[i, 0, 2] < 0.5 * scan_height_m and ends_m[i, 1, 2] > 1.5 * scan_height_m:
             mx, my = ends_m[i, 0, 0] - pose[0], ends_m[i, 0, 1] - pose[1]
