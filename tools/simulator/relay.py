@@ -67,7 +67,8 @@ class Relay:
             if not self._is_whole:
                 self._clock.wait(self._stop, self._clock.now_s() + _TICK_S)
                 continue
-            for key, _ in self._selector.select(_TICK_S):
+            ready = self._selector.select(_TICK_S)
+            for key, _ in ready if self._is_whole else ():  # it may have been cut meanwhile
                 sock = key.fileobj
                 if sock is self._listener:
                     self._accept()
