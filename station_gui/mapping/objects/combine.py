@@ -18,6 +18,7 @@ from station_gui.mapping.objects.networks import Networks
 from station_gui.mapping.objects.pieces import pieces_of
 from station_gui.mapping.objects.ransac.ransac import LineFitter
 from station_gui.mapping.objects.reference import aligned, first_clusters, joined_owners
+from station_gui.mapping.objects.rehearsal import rehearse
 from station_gui.mapping.objects.surfaces import ObjectBuilder
 from station_gui.mapping.slam2d.base import Slam
 from station_gui.mapping.snapshot import NO_OBJECTS, GridMap, ObjectMap
@@ -27,6 +28,7 @@ class ObjectCombiner:
     """One thread; a function of the observations and of the poses and grids that belong to them."""
 
     def __init__(self, config: CombineConfig) -> None:
+        rehearse()
         self._config = config
         self._fitter = LineFitter(config.reference, np.random.default_rng(config.seed))
         self._builder = ObjectBuilder(config.surface, config.reference, self._fitter)
