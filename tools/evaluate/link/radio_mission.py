@@ -51,6 +51,7 @@ from tools.simulator.truth import TRUTH_FILE, read_truth
 
 _READY_S, _END_S, _LONGEST_S = 120.0, 20.0, 900.0
 _STEP_S = 0.05
+_RECORDING = "mission.mcap"
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +67,8 @@ class _Incident:
 
 INCIDENTS = (
     _Incident("Mega reset", 8.0, 0.0, ("reset_mega",)),
-    _Incident("USB plug pulled", 16.0, 2.0, ("pull_plug",), ("plug_in",)),
-    _Incident("radio A without power", 30.0, 5.0, ("switch_off", 0), ("switch_on", 0)),
+    _Incident("USB plug pulled", 22.0, 2.0, ("pull_plug",), ("plug_in",)),
+    _Incident("radio A without power", 38.0, 5.0, ("switch_off", 0), ("switch_on", 0)),
 )
 
 
@@ -95,6 +96,7 @@ def run(args: argparse.Namespace) -> int:
     """Exit code 1 when the mission did not finish, an observation is missing or came twice."""
     logging.getLogger("station").setLevel(logging.INFO)
     args.out.mkdir(parents=True, exist_ok=True)
+    (args.out / _RECORDING).unlink(missing_ok=True)
     scenario = find_scenario(args.scenario)
     try:
         with LiveRadiosProcess(link_settings(args.bandwidth), args.seed) as radios:
@@ -141,7 +143,7 @@ class _Mission:
 
     def _operate(self, config: StationConfig) -> _Played:
         station = build_station(
-            config, self._clock, secrets.randbits(31), name_recording=lambda: self._args.out / "mission.mcap"
+            config, self._clock, secrets.randbits(31), name_recording=lambda: self._args.out / _RECORDING
         )
         usb = self._radios.station_port
         hands = _Hands(station, (f"{usb}:A", f"{usb}:B"))
@@ -239,7 +241,7 @@ def _report(scenario: Scenario, played: _Played, args: argparse.Namespace) -> in
     snapshot, station = played.station.finish_mapping(), played.station
     truth = read_truth(args.out / "truth") if (args.out / "truth" / TRUTH_FILE).exists() else None
     goal = scenario.goals[-1].position_m if scenario.goals else None
-    came_s, sequences = _recorded(args.out / "mission.mcap")
+    came_s, sequences = _recorded(args.out / _RECORDING)
     recoveries = _recoveries(played, came_s)
     steps = np.diff(sequences)
     figures = summarise(truth, snapshot, station.figures, played.outcome, goal).as_json() | {

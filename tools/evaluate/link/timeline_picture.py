@@ -47,7 +47,7 @@ def draw_timeline(came_s: NDArray[np.float64], spans: list[Span], path: Path, *,
     for time_s in range(0, int(end_s) + 1, _TICK_S):
         draw.text((x_of(time_s), _SIZE[1] - _BOTTOM + 8), f"{time_s} s", _INK, _font(15), anchor="mt")
     draw.text((_LEFT, 26), title, _INK, _font(24), anchor="lm")
-    draw.text((_SIZE[0] - _RIGHT, 26), "a second, and each one", _FAINT, _font(16), anchor="rm")
+    draw.text((_SIZE[0] - _RIGHT, 26), "observations a second; below, each one", _FAINT, _font(16), anchor="rm")
     page.save(path)
 
 
