@@ -115,7 +115,7 @@ class LoopConfig:
     min_partial_share: float = 0.35
     max_through_share: float = 0.12  # in space that was seen free, of the points that the place says something of
     min_held_share: float = 0.06  # of all points, that hold the weaker direction; none of 52 on six logs was wrong
-    sure_held_share: float = 0.12  # with so many it needs no second closure either, where the estimate agrees
+    sure_held_share: float = 0.08  # with so many it needs no second closure either, where the estimate agrees
     through_margin_m: float = 0.15
     through_margin_ratio: float = 0.02
     view_every: int = 3  # of a place's scans, those that tell which space is free
