@@ -25,6 +25,7 @@ class ReferenceConfig:
     reach_m: float = 0.4  # a scan may be this far off and still find its surfel
     max_surfels: int = 2_000_000
     margin_m: float = 1.0  # round the map
+    far_m: float = 15.0  # from where the robot was: what is seen beyond is left out
     free_below: float = 0.35  # probability of a cell that is known to be free
     stand_off_m: float = 0.2  # a scanner stands no farther than this from a place that is known to be free
     depth: int = 5  # of the pyramid

@@ -147,7 +147,7 @@ class Check:
             return Verdict.OPEN
         rival = relocaliser.rival(robot)
         if rival is None:
-            return Verdict.UNFOUNDED
+            return Verdict.CARRIED if jumped and not relocaliser.is_believable(followed) else Verdict.UNFOUNDED
         rival_share = self._config.doubt.rival_share
         better = -rival_share if jumped else rival_share
         return Verdict.CARRIED if rival.support >= followed.support + better else Verdict.OPEN

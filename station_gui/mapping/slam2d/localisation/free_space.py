@@ -16,6 +16,7 @@ from station_gui.mapping.snapshot import GridMap
 FloatArray = NDArray[np.float64]
 
 _ROWS_AT_ONCE = 32
+_CELLS_PER_UNIT = 6  # most of them were never looked at
 _UNITS_PER_PASS = 0.25  # of a beam through the side of a cell
 
 
@@ -54,7 +55,7 @@ class FreeSpace:
                 self._hits, self._passes, first, last - 1, 0, columns - 1, config.hit_log_odds, config.miss_log_odds,
                 config.limit_log_odds, config.thin_share, config.thin_reach_cells, self._probability,
             )  # fmt: skip
-            share.take((last - first) * columns)
+            share.take((last - first) * columns // _CELLS_PER_UNIT)
 
     def grid(self) -> GridMap:
         return GridMap(self._probability, self._origin_m, self._cell_m)

@@ -25,6 +25,7 @@ FloatArray = NDArray[np.float64]
 _NO_FADING = math.inf
 _ROWS_AT_ONCE = 32
 _UNITS_PER_SCAN = 1500
+_CELLS_PER_UNIT = 6  # of the free space
 _LARGEST_REACH_CELLS = 15  # squared distances are kept in eight bits
 
 
@@ -82,7 +83,7 @@ class Reference:
         self._free = yield from self._free_places(self._pyramid, self._grid)
 
     def _extent(self) -> Generator[None, None, tuple[FloatArray, FloatArray]]:
-        """The lowest and the highest x and y, (2,) each, of robots and hits."""
+        """The lowest and the highest x and y, (2,) each, of robots and hits that are not too far from all of them."""
         low, high = np.full(2, np.inf), np.full(2, -np.inf)
         for keyframe, pose in self._scans:
             if self._share.left <= 0:
@@ -91,7 +92,8 @@ class Reference:
             hits = np.vstack((place.apply(keyframe.scanner_m[None]), place.apply(keyframe.points_m)))
             low, high = np.minimum(low, hits.min(axis=0)), np.maximum(high, hits.max(axis=0))
             self._share.take(_UNITS_PER_SCAN + len(hits))
-        return low, high
+        scanners, away_m = np.array([pose[:2] for _, pose in self._scans]), self._config.far_m
+        return np.maximum(low, scanners.min(axis=0) - away_m), np.minimum(high, scanners.max(axis=0) + away_m)
 
     def _windows(self, low: FloatArray, high: FloatArray) -> tuple[LocalMap, ScanMatcher]:
         """The map is still to be cleared."""
@@ -160,7 +162,7 @@ class Reference:
             row = np.floor((y - pyramid.origin_m[1]) / cell_m).astype(np.int64)
             inside = (column >= 0) & (row >= 0) & (column < free.shape[1]) & (row < free.shape[0])
             free[row[inside], column[inside]] = 1
-            self._share.take(band.size)
+            self._share.take(band.size // _CELLS_PER_UNIT)
         yield
         away = ndimage.distance_transform_edt(free == 0) * cell_m
         yield

@@ -75,9 +75,8 @@ class Relocaliser:
 
     def rival(self, map_from_robot: Pose2) -> Hypothesis | None:
         """The best place that may be believed and is not this one."""
-        config = self._config.verify
         for h in self.hypotheses:
-            if h.beams < config.min_points or h.good_share < config.min_good_share or h.support < config.min_support:
+            if not self.is_believable(h):
                 continue
             away = map_from_robot.inverse() @ Pose2.from_array(h.map_from_trail) @ self.trail_from_robot
             doubt = self._config.doubt
@@ -193,17 +192,17 @@ class Relocaliser:
         return float(np.hypot(*np.diff(self._trail.trajectory()[:, 1:3], axis=0).T).sum())
 
     def _is_sure(self) -> bool:
-        config = self._config.verify
         if not self.hypotheses:
             return False
         best = self.hypotheses[0]
         second = self.hypotheses[1].support if len(self.hypotheses) > 1 else 0.0
-        return (
-            best.beams >= config.min_points
-            and best.good_share >= config.min_good_share
-            and best.support >= config.min_support
-            and best.support - second >= config.uniqueness
-        )
+        return self.is_believable(best) and best.support - second >= self._config.verify.uniqueness
+
+    def is_believable(self, place: Hypothesis) -> bool:
+        """By itself, whatever other places there are."""
+        config = self._config.verify
+        enough = place.beams >= config.min_points
+        return enough and place.good_share >= config.min_good_share and place.support >= config.min_support
 
     def _decide(self, scan: PointScan, trail_from_robot: Pose2) -> Pose2 | None:
         if self._waiting or self._search is not None or not self._is_sure():

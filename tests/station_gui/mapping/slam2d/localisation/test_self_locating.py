@@ -198,12 +198,14 @@ class _Deceived(MapTracker):
     """Follows the robot where it stood, by scans that seem to fit a little worse than usual."""
 
     deceived = False
+    jumps = False
 
     def add(self, scan: PointScan) -> Pose2:
         pose = super().add(scan)
         if not self.deceived:
             return pose
         self._lost_scans, self._fit, self._pose = 0, 0.85, self.believed.as_array()
+        self._surprise = 50.0 if self.jumps else 0.5
         return self.believed
 
     believed = Pose2()
@@ -231,6 +233,19 @@ def test_a_place_that_fits_by_chance_gives_way_to_the_one_that_fits(
             break
     assert pose.distance_m(there) < 0.03
     assert slam.tracking is Tracking.LOCATED
+
+
+def test_a_jump_to_where_the_map_says_otherwise_is_a_loss_even_if_no_other_place_fits(
+    lab: FloatArray, lab_map: SavedMap, lap: LapMaker, other_room: FloatArray, scan_from: ScanMaker
+) -> None:
+    way = lap(100)
+    slam = _deceived(lab_map, lab, way[:25], scan_from)
+    rng, inner = np.random.default_rng(5), slam.inner
+    assert isinstance(inner, _Deceived)
+    inner.jumps = True
+    for k in range(25):
+        slam.add(scan_from(other_room, Pose2(2.5, 1.5, 0.3), rng, _SOMEWHERE @ way[24], 3.0 + 0.1 * k))
+    assert slam.tracking in {Tracking.LOST, Tracking.SEARCHING}
 
 
 def test_scans_that_fit_worse_at_the_right_place_change_nothing(
