@@ -78,14 +78,14 @@ class PathPlanner:
         goal_heading_rad: float | None = None,
     ) -> Plan:
         """From where the robot stands to `goal_m`, map frame; raises `PlanningError`. Any heading will do if None."""
-        began_s = stopwatch_s()
+        began_s, time_is_up = stopwatch_s(), self._timer(self._config.timeout_s)
         costmap = make_costmap(grid, self._car, self._config.costmap, map_from_robot)
         self._check_goal(costmap, goal_m)
         road = self._road(costmap, map_from_robot)
         self._check_room(road, goal_m, goal_heading_rad)
         goal = Target(np.array([*goal_m, goal_heading_rad or 0.0]), goal_heading_rad is None)
         guide = self._guide(costmap, road, goal)
-        elements = self._way(road, guide, goal, self._timer(self._config.timeout_s))
+        elements = self._way(road, guide, goal, time_is_up)
         path = walk(map_from_robot, elements, self._config.spacing_m)
         return Plan(
             path,

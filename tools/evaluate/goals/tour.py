@@ -28,7 +28,8 @@ _SLICE_S = 0.2
 class Visit:
     """What became of one goal. `error_m`: of where the car truly stands in the end; `contacts`: on the way.
 
-    `planning_s`: of the processor, for the first plan made once more, the better of two; NaN without a plan.
+    `planning_s`: of the processor, for the first plan made once more with the time-out on that time, as on a machine
+    that has nothing else to do; the better of two, NaN without a plan.
     """
 
     figures: GoalFigures
@@ -48,7 +49,7 @@ class Tour:
     def __init__(self, scenario: Scenario, number: int, robot: RobotConfig, station: StationConfig) -> None:
         self.system = Lockstep(scenario, number, robot, station)
         self.car = station.car
-        self._planner = PathPlanner(station.car, station.planning, self.system.clock.now_s)
+        self._planner = PathPlanner(station.car, station.planning, time.thread_time)
         self._scenario = scenario
 
     def close(self) -> None:
