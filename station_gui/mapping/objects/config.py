@@ -96,8 +96,6 @@ class SurfaceConfig:
     longest_chord_m: float = 0.45  # a longer edge between two walls is one
     wall_height_m: float = 0.5  # of what only the 2D map knows
     tile_m: float = 1.0  # of the 2D map: what has not changed is not looked at again
-    flat_gap_m: float = 0.12  # occupied cells farther apart are two walls
-    flat_cells: int = 4  # fewer are no wall
     large_extent_m: float = 1.0  # from here on an object counts as a wall or a large object …
     large_height_m: float = 0.7  # … or from this height on
 
