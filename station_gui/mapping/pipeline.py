@@ -154,7 +154,7 @@ class MappingPipeline:
         self._map_from_robot = self._slam.add(replace(scan, stamp_s=scan.stamp_s + self._later_s))
         self._boot_id, self._sequence = observation.boot_id, observation.sequence
         self._slam_s = stopwatch_s() - began_s
-        if observation.has_objects and self.tracking in KNOWN_PLACE:
+        if self.tracking in KNOWN_PLACE:
             self._combiner.add(self._observations, self._map_from_robot, observation, self._slam)
         self._observations += 1
         self._stamp_s = observation.stamp_s

@@ -41,6 +41,8 @@ class ObjectCombiner:
     def add(self, scan: int, map_from_robot: Pose2, observation: Observation, slam: Slam) -> None:
         """Step 1: place what was seen with the scan of this index (eqs 34 and 35), and go on placing what moved."""
         self._edges.place_again(slam.revision, self._config.edges_at_once, slam.pose_of_scan)
+        if not observation.has_objects:
+            return
         moved, late = self._has_moved(map_from_robot, observation.stamp_s)
         if not (moved or late):
             return

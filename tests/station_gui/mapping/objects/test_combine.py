@@ -131,6 +131,16 @@ def test_a_closure_places_everything_again_in_shares() -> None:
     assert rig.map().segments_m[:, :, 1].mean() == pytest.approx(1.0, abs=0.01)
 
 
+def test_a_closure_is_followed_without_a_depth_image_too() -> None:
+    rig = Rig(FUSED)
+    drive_past(rig, front(2.0, -0.2, 0.2, 0.3))
+    rig.slam.poses = {k: Pose2(0.0, 1.0, 0.0) @ pose for k, pose in rig.slam.poses.items()}
+    rig.slam.revision += 1
+    blind = replace(observation(ObjectNetwork()), has_objects=False)
+    rig.combiner.add(rig.scans, Pose2(), blind, rig.slam)  # type: ignore[arg-type]
+    assert rig.map().segments_m[:, :, 1].mean() == pytest.approx(1.0, abs=0.01)
+
+
 def test_what_moved_away_goes_in_the_end() -> None:
     rig = Rig(FUSED)
     drive_past(rig, front(2.0, -0.2, 0.2, 0.3))
