@@ -276,7 +276,7 @@ def _recoveries(played: _Played, came_s: NDArray[np.float64]) -> list[Recovery]:
     found: list[Recovery] = []
     begins_s = [at_s - played.connected_s for _, at_s in played.done]
     for (incident, _), from_s, to_s in zip(played.done, begins_s, [*begins_s[1:], math.inf], strict=True):
-        around = (came_s[1:] > from_s) & (came_s[:-1] < to_s)
+        around = (came_s[1:] > from_s) & (came_s[1:] <= to_s)  # one that is still going on then is the next one's
         silent_s = float(np.diff(came_s)[around].max()) if around.any() else math.inf
         found.append(Recovery(incident.name, from_s, incident.lasts_s, silent_s))
     return found
