@@ -50,7 +50,7 @@ def test_the_way_round_the_lab_is_wide() -> None:
         assert _label_near(points, again, sides[1]) == _label_near(points, again, sides[3])
 
 
-def _label_near(points: NDArray[np.float64], label: NDArray[np.int32], place: tuple[float, float]) -> int:
+def _label_near(points: NDArray[np.float64], label: NDArray[np.signedinteger], place: tuple[float, float]) -> int:
     free = np.flatnonzero(label > 0)
     nearest = free[np.hypot(*(points[free] - place).T).argmin()]
     assert np.hypot(*(points[nearest] - place)) < 0.15
