@@ -20,22 +20,30 @@ class Guard:
         self._heat = BandWatch(config.over_temperature_c)
         self._battery = BandWatch(config.low_battery_v)
         self._heard_s = self._back_s = now_s
+        self._was_silent = True
         self._faults: dict[str, tuple[StopReason, str]] = {}
         self._lock = threading.Lock()
 
     def heard(self, now_s: float) -> None:
         """A command or a heartbeat came from the station."""
-        if self.silence_s(now_s) > self.silence_limit_s:
-            self._back_s = now_s
-        self._heard_s = now_s
+        with self._lock:
+            self._notice_silence(now_s)
+            if self._was_silent:
+                self._was_silent, self._back_s = False, now_s
+            self._heard_s = now_s
 
     def silence_s(self, now_s: float) -> float:
         return now_s - self._heard_s
 
+    def _notice_silence(self, now_s: float) -> None:
+        """It lasts until the next word, also where the link changes to a path that allows a longer one."""
+        self._was_silent |= self.silence_s(now_s) > self.silence_limit_s
+
     def _is_spoken_to(self, now_s: float) -> bool:
         """After a silence one word is not enough: it may have lain in some buffer, and its sender be gone."""
-        speaks_again = self._heard_s - self._back_s >= _SPEAKING_S
-        return speaks_again and self.silence_s(now_s) <= self.silence_limit_s
+        with self._lock:
+            self._notice_silence(now_s)
+            return not self._was_silent and self._heard_s - self._back_s >= _SPEAKING_S
 
     def take_temperature(self, cpu_c: float) -> None:
         self._heat.update(cpu_c)

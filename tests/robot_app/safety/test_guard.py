@@ -34,6 +34,16 @@ def test_a_station_that_says_nothing_stops_the_car(guard: Guard) -> None:
     assert reason(guard, now_s=11.6) is StopReason.NONE
 
 
+def test_a_change_to_a_path_that_allows_a_longer_silence_is_no_word(guard: Guard) -> None:
+    assert reason(guard, now_s=11.1) is StopReason.COMMAND_SILENCE
+    guard.silence_limit_s = 2.0
+    assert reason(guard, now_s=11.2) is StopReason.COMMAND_SILENCE
+    guard.heard(11.3)
+    assert reason(guard, now_s=11.4) is StopReason.COMMAND_SILENCE, "one word may be an old one"
+    guard.heard(11.7)
+    assert reason(guard, now_s=11.8) is StopReason.NONE
+
+
 @pytest.mark.parametrize(("scan", "odometry"), [(0.3, 0.01), (0.05, 0.2), (math.inf, 0.01)])
 def test_stale_sensors_stop_the_car(guard: Guard, scan: float, odometry: float) -> None:
     assert reason(guard, scan, odometry) is StopReason.SENSOR_STALE
