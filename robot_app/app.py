@@ -194,7 +194,7 @@ class RobotApp:
 
     def _take_commands(self) -> None:
         now_s = self._clock.now_s()
-        self._uplink.receive(self._handle, lambda: self._guard.heard(now_s), self._change_hands)
+        self._uplink.receive(now_s, self._handle, lambda: self._guard.heard(now_s), self._change_hands)
         self._uplink.greet(now_s)
         if now_s - self._control_s > _CONTROL_HUNG_S:
             self._hardware.drive.stop()  # without the lock, which the hung thread may hold

@@ -42,6 +42,7 @@ _PULSE_S = 1.0  # over LoRa
 _WHOLE_TELEMETRY_S = 10.0  # the same
 _KEYFRAME_S = 1.0  # who wants one again so soon has not got the last one yet
 _WANTED_HZ = 8.0  # of observations over LoRa: detail gives way before it
+_LONG_SILENCE_S = 5.0  # what was ordered before it may have lain in the link, and is not expected any more
 _NUMBER_JUMP = 100_000  # five heartbeats a second for five hours of silence
 
 Handler = Callable[[Command], tuple[bool, str]]
@@ -64,6 +65,9 @@ class Uplink:
         self._last_number: int | None = None
         self._stop_number: int | None = None
         self._order_number: int | None = None
+        self._silence_number: int | None = None  # of the first heartbeat after a long silence
+        self._awaits_heartbeat = False
+        self._word_s = math.nan
         self._has_radio = link.health.lora is not None
         self._encoder = ObservationEncoder()
         self._budget = Budget(_WANTED_HZ)
@@ -88,7 +92,9 @@ class Uplink:
         """An observation that is sent now goes at once."""
         return self._link.has_room
 
-    def receive(self, handle: Handler, heard: Callable[[], None], changed_hands: Callable[[], None]) -> None:
+    def receive(
+        self, now_s: float, handle: Handler, heard: Callable[[], None], changed_hands: Callable[[], None]
+    ) -> None:
         """Take all commands that have come; a repeated one is answered again and not carried out again.
 
         A station numbers its commands one by one from a random first one: a jump tells of another station, or of the
@@ -101,6 +107,7 @@ class Uplink:
             message = self._decoder.decode(datagram)
             if isinstance(message, NumberedCommand):
                 self._note_station(message.number, changed_hands)
+                self._note_silence(message, now_s)
                 heard()
                 self._answer(message, handle)
             elif isinstance(message, KeyframeWanted):
@@ -169,8 +176,17 @@ class Uplink:
             return
         step = (number - last) & 0xFFFF_FFFF
         if min(step, (1 << 32) - step) > _NUMBER_JUMP:
-            self._order_number = self._stop_number = None  # its numbers have nothing to do with the last station's
+            # Its numbers have nothing to do with the last station's.
+            self._order_number = self._stop_number = self._silence_number = None
+            self._awaits_heartbeat, self._word_s = False, math.nan
             changed_hands()
+
+    def _note_silence(self, message: NumberedCommand, now_s: float) -> None:
+        """A link that mends itself keeps commands; a heartbeat is never kept, so what is older than one is old."""
+        self._awaits_heartbeat |= now_s - self._word_s > _LONG_SILENCE_S
+        self._word_s = now_s
+        if self._awaits_heartbeat and isinstance(message.command, Heartbeat):
+            self._awaits_heartbeat, self._silence_number = False, message.number
 
     def _answer(self, message: NumberedCommand, handle: Handler) -> None:
         if isinstance(message.command, Heartbeat):
@@ -185,13 +201,16 @@ class Uplink:
 
     def _carry_out(self, message: NumberedCommand, handle: Handler) -> Ack:
         """An order that was given before a stop and comes after it is not carried out."""
+        number = message.number
         if isinstance(message.command, Stop | EmergencyStop):
-            self._stop_number = message.number
-        elif _is_before(message.number, self._stop_number):
-            return Ack(message.number, False, "it is older than the last stop")
-        elif isinstance(message.command, Drive) and _is_before(message.number, self._order_number):
-            return Ack(message.number, False, "it is older than the last order")
-        self._order_number = message.number
+            self._stop_number = _later(number, self._stop_number)
+        elif _is_before(number, self._stop_number):
+            return Ack(number, False, "it is older than the last stop")
+        elif self._awaits_heartbeat or _is_before(number, self._silence_number):
+            return Ack(number, False, "it was given before the link was lost")
+        elif isinstance(message.command, Drive) and _is_before(number, self._order_number):
+            return Ack(number, False, "it is older than the last order")
+        self._order_number = _later(number, self._order_number)
         accepted, reason = handle(message.command)
         return Ack(message.number, accepted, reason)
 
@@ -211,6 +230,10 @@ class Uplink:
 def _is_before(number: int, other: int | None) -> bool:
     """Whether a command was given before another one of the same station."""
     return other is not None and (other - number) & 0xFFFF_FFFF < _NUMBER_JUMP
+
+
+def _later(number: int, other: int | None) -> int:
+    return other if other is not None and _is_before(number, other) else number
 
 
 def _for_radio(encoded: EncodedObservation) -> ForRadio | None:

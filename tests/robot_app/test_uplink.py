@@ -40,9 +40,10 @@ class Robot:
         self.handled: list[Command] = []
         self.heard = 0
         self.changed_hands = 0
+        self.now_s = 0.0
 
     def tick(self) -> None:
-        self.uplink.receive(self._handle, self._hear, self._change_hands)
+        self.uplink.receive(self.now_s, self._handle, self._hear, self._change_hands)
 
     def answers(self) -> list[Ack]:
         return [m for m in messages(self.station) if isinstance(m, Ack)]
@@ -222,7 +223,7 @@ def test_a_keyframe_is_sent_when_it_is_wanted_but_not_again_and_again(
     for i, observation in enumerate(drive(30, rng)):
         if i >= 10:
             radio.incoming.append(encode(KeyframeWanted()))
-        on_lora.receive(lambda _: (True, ""), lambda: None, lambda: None)
+        on_lora.receive(0.0, lambda _: (True, ""), lambda: None, lambda: None)
         on_lora.observe(observation, i / 10)
         ((_, compact),) = radio.on(Lane.BULK)
         keyframes += MessageDecoder(compact=True).decode(compact or b"") is not None
@@ -232,7 +233,7 @@ def test_a_keyframe_is_sent_when_it_is_wanted_but_not_again_and_again(
 def test_a_wish_for_a_keyframe_is_no_sign_of_an_operator(radio: Radio, on_lora: Uplink) -> None:
     heard: list[bool] = []
     radio.incoming.append(encode(KeyframeWanted()))
-    on_lora.receive(lambda _: (True, ""), lambda: heard.append(True), lambda: None)
+    on_lora.receive(0.0, lambda _: (True, ""), lambda: heard.append(True), lambda: None)
     assert not heard
 
 
@@ -260,3 +261,27 @@ def test_an_order_that_is_older_than_the_last_stop_is_refused(robot: Robot) -> N
     robot.station.send(encode(NumberedCommand(13, Start())))
     robot.tick()
     assert robot.handled[-1] == Start()
+
+
+def test_a_late_copy_of_a_stop_lets_no_order_in_that_a_later_stop_has_overtaken(robot: Robot) -> None:
+    for number, command in ((10, EmergencyStop()), (20, Stop()), (10, EmergencyStop()), (15, Start())):
+        robot.station.send(encode(NumberedCommand(number, command)))
+    robot.tick()
+    assert Start() not in robot.handled
+    assert robot.answers()[-1] == Ack(15, False, "it is older than the last stop")
+
+
+def test_an_order_that_lay_in_the_link_through_a_long_silence_is_refused(robot: Robot) -> None:
+    def say(now_s: float, *commands: tuple[int, Command]) -> None:
+        robot.now_s = now_s
+        for number, command in commands:
+            robot.station.send(encode(NumberedCommand(number, command)))
+        robot.tick()
+
+    say(0.0, (1, Heartbeat()))
+    say(60.0, (2, Start()), (5, Heartbeat()), (3, Start()))
+    assert robot.handled == []
+    assert [a.reason for a in robot.answers()] == 2 * ["it was given before the link was lost"]
+    say(60.2, (6, Start()))
+    say(120.0, (7, Stop()))
+    assert robot.handled == [Start(), Stop()], "a stop is never too late"
