@@ -7,7 +7,7 @@ import sys
 
 from shared.command_line import Parser, run, set_up_logging
 from tools.evaluate import kidnap, mission, slam, urg
-from tools.evaluate.depth import extraction, lateness, learners, tables
+from tools.evaluate.depth import drawing, extraction, lateness, learners, tables
 from tools.evaluate.goals import command as goals
 from tools.evaluate.link import air, codec, cut_missions, radio_mission
 from tools.evaluate.mapping import command as mapping
@@ -22,6 +22,7 @@ _COMMANDS = {
     "kidnap": (kidnap, "finding a robot that was put down anywhere in a saved map"),
     "extraction": (extraction, "3D object extraction on depth images"),
     "tables": (tables, "writes tables 2 and 4, measured, into docs/extraction.md"),
+    "drawing": (drawing, "how much of all that is in sight in the simulated rooms is drawn"),
     "learners": (learners, "the three learners side by side (table 2)"),
     "codec": (codec, "what observations cost in profile COMPACT, and in other packings"),
     "cuts": (cut_missions, "missions while Wi-Fi is cut again and again, against one without a cut"),
