@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import secrets
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,8 @@ from shared.link.radios import open_pair
 from shared.link.tcp import TcpServerLink
 from shared.runtime.clock import Clock
 
+_log = logging.getLogger(__name__)
+_ONLY_THIS_MACHINE = ("127.0.0.1", "::1", "localhost")
 _LISTEN_EVERY_S = 0.02  # newcomers come in when the server is asked
 
 
@@ -34,6 +37,11 @@ def open_link(config: RobotConfig, clock: Clock) -> OpenLink:
     pairing = read_pairing(Path(c.pairing).expanduser()) if c.pairing else None
     at = f"LoRa at {' and '.join(config.radio.ports)}"
     if c.use == "tcp":
+        if pairing is None and c.bind not in _ONLY_THIS_MACHINE:
+            _log.warning(
+                "link.pairing is empty: whoever is in this network can drive the robot, and read what it sees; "
+                "make a pairing file with `robot-app --new-pairing`"
+            )
         server = TcpServerLink(c.bind, c.port, clock, BUSY, pairing)
         return OpenLink(server, server.port, f"{c.bind}:{server.port}")
     assert pairing is not None  # the configuration has been checked

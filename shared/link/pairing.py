@@ -57,7 +57,8 @@ class Pairing:
             context.load_cert_chain(self.path)
             context.load_verify_locations(cadata=self.certificate)
         except (OSError, ValueError) as error:
-            raise LinkError(f"{self.path}: cannot be used: {error}") from error
+            remedy = "make a new one with `radio-config key new` and copy it to the other side"
+            raise LinkError(f"{self.path}: is damaged ({error}); {remedy}") from error
         return context
 
 
@@ -75,7 +76,9 @@ def read_pairing(path: Path) -> Pairing:
     if certificate is None or private_key is None:
         raise LinkError(f"{path}: is no pairing file; make one with `radio-config key new`")
     secret = "".join(private_key[1].split()).encode()
-    return Pairing(path, certificate[0], hashlib.blake2s(secret, person=b"radio").digest())
+    pairing = Pairing(path, certificate[0], hashlib.blake2s(secret, person=b"radio").digest())
+    pairing.tls_context(server_side=False)  # LoRa alone must not go by a key that is none
+    return pairing
 
 
 def write_new_pairing(path: Path) -> None:

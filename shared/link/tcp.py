@@ -157,11 +157,12 @@ class TcpClientLink(_TcpEnd):
         """`pairing`: speak in secret, with nobody who has another file."""
         super().__init__(is_secret=pairing is not None)
         self._name = f"{host}:{port}"
+        context = None if pairing is None else pairing.tls_context(False)
         try:
             sock = socket.create_connection((host, port), timeout_s)
         except (OSError, OverflowError) as error:
             raise LinkError(f"cannot connect to {self._name}: {_reason(error)}") from error
-        tls = None if pairing is None else TlsStream(pairing.tls_context(False), False, self._name)
+        tls = None if context is None else TlsStream(context, False, self._name)
         self._peer = peer = _Peer(sock, self._name, self.statistics, tls)
         try:
             self._shake_hands(peer, timeout_s)

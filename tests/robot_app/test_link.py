@@ -35,6 +35,16 @@ def test_wifi_alone_listens_and_says_where() -> None:
     opened.link.close()
 
 
+def test_a_robot_that_anybody_may_drive_says_so(caplog: pytest.LogCaptureFixture) -> None:
+    open_link(config("tcp"), MonotonicClock()).link.close()
+    assert not caplog.records
+    everywhere = replace(config("tcp"), link=LinkConfig("tcp", 0))
+    open_link(everywhere, MonotonicClock()).link.close()
+    (record,) = caplog.records
+    assert record.levelname == "WARNING"
+    assert "link.pairing is empty" in record.getMessage()
+
+
 def test_a_missing_pairing_file_is_named_with_what_to_do(tmp_path: Path) -> None:
     with pytest.raises(LinkError, match=r"pairing\.pem: no pairing file"):
         open_link(config("radio", str(tmp_path / "pairing.pem"), ("/dev/none",)), MonotonicClock())

@@ -164,3 +164,24 @@ def test_the_same_file_gives_the_same_radio_key_and_says_nothing_of_it(pairing: 
     assert read_pairing(pairing.path).radio_key == pairing.radio_key != other.radio_key
     assert pairing.fingerprint != other.fingerprint
     assert pairing.radio_key.hex() not in repr(pairing)
+
+
+@pytest.mark.parametrize("damage", ["key", "certificate", "other key"])
+def test_a_pairing_file_that_is_damaged_is_refused_also_for_lora(
+    pairing: Pairing, other: Pairing, tmp_path: Path, damage: str
+) -> None:
+    text = pairing.path.read_text("ascii")
+    key = "-----BEGIN PRIVATE KEY-----" + text.split("-----BEGIN PRIVATE KEY-----")[1].split("-----END")[0]
+    others = other.path.read_text("ascii").replace(other.certificate, pairing.certificate)
+    path = tmp_path / "pairing.pem"
+    path.touch(0o600)
+    path.write_text(
+        {
+            "key": text.replace(key, "-----BEGIN PRIVATE KEY-----\n"),
+            "certificate": text.replace(pairing.certificate, pairing.certificate.replace("MI", "M", 1)),
+            "other key": others,
+        }[damage],
+        "ascii",
+    )
+    with pytest.raises(LinkError, match=r"pairing\.pem: is damaged .*; make a new one"):
+        read_pairing(path)
