@@ -21,10 +21,12 @@ from robot_app.drivers.base import DepthImage
 from robot_app.perception.config import PerceptionConfig
 from robot_app.perception.fast_gng import FastGng, FastGngConfig
 from robot_app.perception.growing_neural_gas import GngConfig, GrowingNeuralGas
+from robot_app.perception.identity.tracker import ObjectTracker
 from robot_app.perception.learner import Learner
 from robot_app.perception.object_extractor import ObjectExtractor, clusters
 from robot_app.perception.point_cloud import Mount
 from shared.geometry.camera import CameraMount, Intrinsics
+from shared.geometry.se2 import Pose2
 from shared.messages import ObjectNetwork
 from tools.evaluate.depth._kernels import back_project, back_project_tabled
 from tools.evaluate.depth.files import DepthFileError, read_depth
@@ -45,7 +47,8 @@ class Figures:
     """A row of table 4; `points` as there: those of the decimated cloud.
 
     Times are medians of 20 warm runs: `learn_ms` steps 2-7, `total_ms` everything from the depth image to the network,
-    `floor_ms` only reading every pixel and writing its point by the camera's equations, `floor_tabled_ms` the same with
+    `track_ms` to keep the objects' identity beyond that, of the same network again and again, `floor_ms` only reading
+    every pixel and writing its point by the camera's equations, `floor_tabled_ms` the same with
     the slopes of all columns and rows worked out beforehand, as our own code has them. `camera_height_m`: over what was
     taken for the floor and is not drawn; None when nothing was. The shares are those of `labels`.
     """
@@ -60,6 +63,7 @@ class Figures:
     max_edge_m: float | None
     learn_ms: float
     total_ms: float
+    track_ms: float
     floor_ms: float
     floor_tabled_ms: float
     object_recall: float | None
@@ -203,6 +207,7 @@ def measure(
     """The figures of `image`, of which `extractor` made `objects`."""
     lengths_m = np.linalg.norm(np.diff(objects.nodes_m[objects.edges], axis=1)[:, 0], axis=1)
     extractor.find_edges(image)
+    tracker = ObjectTracker(PerceptionConfig().tracking)
     columns, rows = intrinsics.ray_slopes()
     pinhole = (intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy)
     cloud_m = np.zeros((*image.depth.shape, 3), np.float32)
@@ -217,6 +222,7 @@ def measure(
         round(float(lengths_m.max()), 3) if len(lengths_m) else None,
         _median_ms(extractor.learn),
         _median_ms(lambda: extractor.extract(image)),
+        _median_ms(lambda: tracker.update(objects, Pose2())),
         _median_ms(lambda: back_project(image.depth, image.unit_m, *pinhole, cloud_m)),
         _median_ms(lambda: back_project_tabled(image.depth, image.unit_m, columns, rows, cloud_m)),
         *_shares(labels),
@@ -257,6 +263,7 @@ def overall_of(rows: list[Row]) -> Figures:
         max(longest, default=None),
         round(statistics.median(row.learn_ms for row in figures), 3),
         round(statistics.median(row.total_ms for row in figures), 3),
+        round(statistics.median(row.track_ms for row in figures), 3),
         round(statistics.median(row.floor_ms for row in figures), 3),
         round(statistics.median(row.floor_tabled_ms for row in figures), 3),
         *_shares(functools.reduce(operator.add, labels) if labels else None),

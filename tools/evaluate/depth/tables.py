@@ -13,6 +13,7 @@ from robot_app.perception.point_cloud import Mount
 from shared.geometry.camera import Intrinsics
 from shared.messages import ObjectNetwork
 from tools.evaluate.depth import learners
+from tools.evaluate.depth.drawing import measure_drawing
 from tools.evaluate.depth.extraction import Row, compare_labels, intrinsics_of, measure, mount_of, overall_of
 from tools.evaluate.depth.files import DepthFileError, read_depth
 from tools.evaluate.depth.lab_frames import lab_camera, lab_frames
@@ -33,8 +34,10 @@ _PAPER_TABLE_4 = (
     ("paper, 14e", 13948, 54, 60, 1, 0.102, 1.217, 32.1),
     ("paper, 14f", 14094, 70, 76, 2, 0.100, 0.560, 30.0),
 )
+_NOISES = 3  # frames of each view, of which only the noise differs
 _PICTURES = {
     "lab view 3": "lab",
+    "flat view 3": "flat",
     "lab view 7": "lab-bare",
     "frame-000096.depth.png": "kinect",
     "test55.pcd": "tabletop",
@@ -55,6 +58,7 @@ def run(args: argparse.Namespace) -> int:
             ("table 2", _table_2(args.data)),
             ("batches", _batches(args.data)),
             ("table 4", _table_4(args.data, args.pictures)),
+            ("drawing", _drawing()),
             ("stability", _stability()),
         ):
             text = replace_between(text, name, table)
@@ -101,22 +105,22 @@ def _batches(data: Path) -> list[str]:
 
 def _table_4(data: Path, pictures: Path | None) -> list[str]:
     lines = [
-        "| frame | floor | points | nodes | connections | clusters | shortest | longest | ms | floor ms | tabled "
-        "| objects found | boundary precision | recall |",
-        "|---" * 14 + "|",
+        "| frame | floor | points | nodes | connections | clusters | shortest | longest | ms | tracking | floor ms "
+        "| tabled | objects found | boundary precision | recall |",
+        "|---" * 15 + "|",
     ]
     for name, points, nodes, connections, found, low, high, ms in _PAPER_TABLE_4:
         lines.append(
-            f"| {name} | | {points} | {nodes} | {connections} | {found} | {low} m | {high} m | {ms} | | | | | |"
+            f"| {name} | | {points} | {nodes} | {connections} | {found} | {low} m | {high} m | {ms} | | | | | | |"
         )
-    lab = [_measure(f"lab view {k}", image, *lab_camera(), pictures) for k, image in enumerate(lab_frames())]
+    lab, flat = (_measure_views(scenario_name, pictures) for scenario_name in ("lab", "flat"))
     files = [
         *_kinect(data),
         *sorted((data / "l515").glob("*.npy.gz")),
         *sorted((data / "labelled_tabletop").glob("*.pcd")),
     ]
     read = [_measure_file(path, pictures) for path in files]
-    for group in (lab, read[:10], read[10:12], read[12:]):
+    for group in (lab, flat, read[:10], read[10:12], read[12:]):
         lines += [_line(row) for row in group]
         lines.append(_line(Row(overall_of(group), None), "**median**"))
     floorless = [_measure_file(path, None, "none") for path in files[12:]]
@@ -138,8 +142,14 @@ def _line(row: Row, name: str = "") -> str:
         f.max_edge_m,
         f.total_ms,
     ]
-    values += [f.floor_ms, f.floor_tabled_ms, f.object_recall, f.boundary_precision, f.boundary_recall]
+    values += [f.track_ms, f.floor_ms, f.floor_tabled_ms, f.object_recall, f.boundary_precision, f.boundary_recall]
     return "| " + " | ".join("" if value is None else str(value) for value in values) + " |"
+
+
+def _measure_views(scenario_name: str, pictures: Path | None) -> list[Row]:
+    camera = lab_camera(scenario_name)
+    images = lab_frames(scenario_name=scenario_name)
+    return [_measure(f"{scenario_name} view {k}", image, *camera, pictures) for k, image in enumerate(images)]
 
 
 def _measure_file(path: Path, pictures: Path | None, floor: str = "search") -> Row:
@@ -164,6 +174,23 @@ def _measure(name: str, image: DepthImage, intrinsics: Intrinsics, mount: Mount,
 
 def _extractor(intrinsics: Intrinsics, mount: Mount) -> ObjectExtractor:
     return ObjectExtractor(PerceptionConfig(), intrinsics, mount)
+
+
+def _drawing() -> list[str]:
+    lines = [
+        "| view | ideal nodes | connections | drawn nodes | connections | of the ideal drawn | of the drawn true |",
+        "|---" * 7 + "|",
+    ]
+    for scenario_name in ("lab", "flat"):
+        for row in measure_drawing(scenario_name, _NOISES):
+            name = f"**{scenario_name}, overall**" if row.view == "overall" else row.view
+            counts = f"{row.ideal_nodes} | {row.ideal_connections} | {row.nodes} | {row.connections}"
+            lines.append(f"| {name} | {counts} | {_percent(row.ideal_drawn)} | {_percent(row.drawn_true)} |")
+    return lines
+
+
+def _percent(share: float | None) -> str:
+    return "" if share is None else f"{100 * share:.0f} %"
 
 
 def _stability() -> list[str]:

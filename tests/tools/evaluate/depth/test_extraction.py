@@ -204,6 +204,7 @@ def test_the_figures_of_a_box_are_printed_and_its_picture_is_drawn(
     assert (box["points"], box["nodes"], box["clusters"]) == (19200, 4, 1)
     assert 0.4 < box["min_edge_m"] < box["max_edge_m"] < 0.7
     assert set(result["overall"]) == set(box)
+    assert min(box[name] for name in ("learn_ms", "total_ms", "track_ms", "floor_ms")) > 0
     with Image.open(tmp_path / "out" / "box.png.png") as picture:
         assert picture.size == (3 * 640 + 8, 480)
 
