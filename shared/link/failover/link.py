@@ -30,6 +30,7 @@ _log = logging.getLogger(__name__)
 _HEAD_BYTES = 2
 _EPOCH_BYTES = 4
 _EPOCH_TAG_BITS = 5
+_PAST_EPOCHS = 16
 _MOST_EVENTS = 256
 _MOST_DELIVERED = 1_024
 _DATAGRAMS_PER_STEP = 256
@@ -70,7 +71,9 @@ class Failover:
         self._wifi: Link | None = None
         self._connected_s = -math.inf
         self._watch = Watch(self._config)
+        self._random_bytes = random_bytes
         self._epoch = random_bytes(_EPOCH_BYTES)
+        self._past_epochs: deque[bytes] = deque([bytes(_EPOCH_BYTES)], maxlen=_PAST_EPOCHS)
         self._peer_epoch = bytes(_EPOCH_BYTES)
         self._knows_us: set[LinkPath] = set()
         self._delivered: deque[bytes] = deque()
@@ -372,13 +375,22 @@ class Failover:
                 _log.info("the other side has begun anew")
                 self.statistics.peer_restarts += 1
             self._peer_epoch = theirs
-            self._knows_us.clear()
-            self.resets += 1
-            self._reset_lanes()
+            self._forget()
+        elif self._knows_us and ours != self._epoch and ours not in self._past_epochs:
+            _log.warning("the other side has spoken with somebody else; beginning anew")
+            self._past_epochs.append(self._epoch)
+            self._epoch = self._random_bytes(_EPOCH_BYTES)
+            self._forget()
         if ours == self._epoch:
             self._knows_us.add(path)
         if asks:
             self._send_on(path, self._hello(path), Lane.NEWEST, _HELLO_SLOT)
+
+    def _forget(self) -> None:
+        """What was on its way is meant for nobody any more."""
+        self._knows_us.clear()
+        self.resets += 1
+        self._reset_lanes()
 
     def _fail_if_lost(self) -> None:
         if self._was_connected and not self.connected:

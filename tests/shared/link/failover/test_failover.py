@@ -131,6 +131,27 @@ def test_a_station_that_begins_anew_starts_from_nothing() -> None:
     mission.finish()
 
 
+@pytest.mark.parametrize("wifi", [True, False])
+def test_a_robot_that_has_spoken_with_another_station_and_comes_back_is_understood(wifi: bool) -> None:
+    """Both stations have the pairing file, and neither begins anew."""
+    rig = ready()
+    mission = Mission(rig)
+    rig.run(2.0)
+    mission.finish()
+    rig.at_each_event = lambda: None
+    if not wifi:
+        rig.wifi.cut()
+    rig.robot._take(LinkPath.WIFI, bytes((0, 1)) + b"ABCD" + rig.robot._epoch, rig.clock.now_s())
+    resets = rig.robot.resets
+    assert rig.run(10.0, lambda: rig.robot.resets > resets and rig.robot.connected and rig.station.connected)
+    rig.run(3.0)
+    settled = rig.robot.resets, rig.station.resets
+    mission = Mission(rig)
+    rig.run(2.0)
+    mission.finish()
+    assert (rig.robot.resets, rig.station.resets) == settled
+
+
 def test_foreign_frames_are_counted_and_change_nothing() -> None:
     rig, rng = ready(), np.random.default_rng(4)
     mission = Mission(rig)
