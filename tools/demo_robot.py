@@ -22,6 +22,7 @@ from tools.simulator.links import LinkName
 from tools.simulator.relay import Relay
 
 _HOST = "127.0.0.1"
+_BANDWIDTH_HZ = 500_000
 _READY_TIMEOUT_S = 120.0  # compiling takes a while the first time
 _END_TIMEOUT_S = 15.0
 LEFT_BEHIND = ("simulator.log", "network.log", "port.txt", "ports.json", "robot.toml", "pairing.pem")
@@ -42,12 +43,12 @@ def simulated_robot(out: Path, link: LinkName, scenario: str, seed: int) -> Iter
     with ExitStack() as stack:
         station_ports: tuple[str, ...] = ()
         if link != "tcp":
-            text = stack.enter_context(_program("tools.simulator.radio.network", [], out / "ports.json", out))
+            text = stack.enter_context(program("tools.simulator.radio.network", [], out / "ports.json", out))
             ports = json.loads(text)
             station_ports = tuple(ports["station"])
-            arguments += ["--config", str(_configure(out, "radio" if link == "lora" else "both", ports["robot"]))]
+            arguments += ["--config", str(configure(out, "radio" if link == "lora" else "both", ports["robot"]))]
         arguments.append("--port-file")
-        port = int(stack.enter_context(_program("tools.simulator", arguments, out / "port.txt", out)))
+        port = int(stack.enter_context(program("tools.simulator", arguments, out / "port.txt", out)))
         pairing = str(out / "pairing.pem") if station_ports else ""
         if link == "switch":
             relay = Relay((_HOST, 0), (_HOST, port), np.random.default_rng(seed + 1_000))
@@ -56,12 +57,13 @@ def simulated_robot(out: Path, link: LinkName, scenario: str, seed: int) -> Iter
         yield Meeting(Target(_HOST if port else "", port, station_ports), pairing)
 
 
-def _configure(out: Path, use: str, ports: list[str]) -> Path:
+def configure(out: Path, use: str, ports: list[str], bandwidth_hz: int = _BANDWIDTH_HZ) -> Path:
     """The robot's configuration as it comes, with another link and a pairing file of its own."""
     pairing = out / "pairing.pem"
     write_new_pairing(pairing)
     text = DEFAULT_PATH.read_text("utf-8")
-    for key, value in (("use", use), ("pairing", str(pairing)), ("ports", ports)):
+    values = {"use": use, "pairing": str(pairing), "ports": ports, "bandwidth_hz": bandwidth_hz}
+    for key, value in values.items():
         line = re.search(rf"(?m)^{key} = .*$", text)
         assert line is not None, key
         text = text[: line.start()] + f"{key} = {json.dumps(value)}" + text[line.end() :]
@@ -71,7 +73,7 @@ def _configure(out: Path, use: str, ports: list[str]) -> Path:
 
 
 @contextmanager
-def _program(module: str, arguments: list[str], says: Path, out: Path) -> Iterator[str]:
+def program(module: str, arguments: list[str], says: Path, out: Path) -> Iterator[str]:
     """Runs until the end of the context; `says` is its last argument: what it writes there once it is ready."""
     says.unlink(missing_ok=True)
     log = out / f"{module.rpartition('.')[2]}.log"

@@ -11,23 +11,16 @@ import argparse
 import json
 import logging
 import math
-import re
 import secrets
-import subprocess
-import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_app.config import DEFAULT_PATH
 from shared.command_line import EXIT_FAILED, EXIT_OK, Refused, seed
-from shared.link.pairing import write_new_pairing
 from shared.messages import MissionState, Observation
 from shared.protocol.codec import Decoder
 from shared.recording import MissionReader
@@ -39,6 +32,7 @@ from station_gui.config import StationConfig
 from station_gui.config import load_config as load_station
 from station_gui.export.map_picture import draw_map
 from station_gui.model.station import Station
+from tools.demo_robot import configure, program
 from tools.director import Director, Outcome
 from tools.evaluate.link.timeline_picture import draw_timeline
 from tools.evaluate.summary import summarise
@@ -49,7 +43,7 @@ from tools.simulator.radio.pair_rig import link_settings
 from tools.simulator.scenario import Scenario, find_scenario
 from tools.simulator.truth import TRUTH_FILE, read_truth
 
-_READY_S, _END_S, _LONGEST_S = 120.0, 20.0, 900.0
+_LONGEST_S = 900.0
 _STEP_S = 0.05
 _RECORDING = "mission.mcap"
 
@@ -120,26 +114,16 @@ class _Mission:
         self._scenario = scenario
         self._radios = radios
         self._args = args
-        self._folder = tempfile.TemporaryDirectory(prefix="radio-mission-")
         self._clock = MonotonicClock()
 
     def play(self) -> _Played:
-        pairing = Path(self._folder.name) / "pairing.pem"
-        write_new_pairing(pairing)
-        with self._folder, _robot(self._scenario, self._robot_file(pairing), self._args):
-            return self._operate(_station_config(pairing, self._args.bandwidth))
-
-    def _robot_file(self, pairing: Path) -> Path:
-        text = DEFAULT_PATH.read_text("utf-8")
-        ports = json.dumps(list(self._radios.robot_ports))
-        for key, value in (
-            ("use", '"radio"'), ("pairing", json.dumps(str(pairing))), ("ports", ports),
-            ("bandwidth_hz", str(self._args.bandwidth)),
-        ):  # fmt: skip
-            text = re.sub(rf"(?m)^{key} = .*$", f"{key} = {value}", text, count=1)
-        path = Path(self._folder.name) / "robot.toml"
-        path.write_text(text, "utf-8")
-        return path
+        args = self._args
+        with tempfile.TemporaryDirectory(prefix="radio-mission-") as name:
+            config = configure(Path(name), "radio", list(self._radios.robot_ports), args.bandwidth)
+            arguments = ["--scenario", args.scenario, "--seed", str(args.seed), "--config", str(config)]
+            arguments += ["--out", str(args.out / "truth"), "--until-eof", "--port-file"]
+            with program("tools.simulator", arguments, args.out / "ready.txt", args.out):
+                return self._operate(_station_config(config.with_name("pairing.pem"), args.bandwidth))
 
     def _operate(self, config: StationConfig) -> _Played:
         station = build_station(
@@ -203,33 +187,6 @@ class _Hands:
 
     def stop(self) -> None:
         self._station.stop()
-
-
-@contextmanager
-def _robot(scenario: Scenario, config: Path, args: argparse.Namespace) -> Iterator[None]:
-    """The simulator; ends so that it writes its truth."""
-    ready, log = args.out / "ready.txt", args.out / "simulator.log"
-    ready.unlink(missing_ok=True)
-    command = [sys.executable, "-m", "tools.simulator", "--scenario", args.scenario, "--seed", str(args.seed)]
-    command += ["--config", str(config), "--port-file", str(ready), "--out", str(args.out / "truth"), "--until-eof"]
-    with log.open("wb") as stream:
-        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=stream, stderr=subprocess.STDOUT)
-    try:
-        until_s = time.monotonic() + _READY_S
-        while not ready.exists():
-            if process.poll() is not None or time.monotonic() > until_s:
-                raise Refused(f"the simulated {scenario.name} did not begin; see {log}")
-            time.sleep(_STEP_S)
-        yield
-    finally:
-        assert process.stdin is not None
-        process.stdin.close()
-        try:
-            process.wait(_END_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-        ready.unlink(missing_ok=True)
 
 
 def _station_config(pairing: Path, bandwidth_hz: int) -> StationConfig:
