@@ -30,7 +30,7 @@ _BATCHES = (1, 2, 4, 8)  # samples of FastGNG's mini-batch
 _ROOM = 200  # nodes, as in the robot
 _TRIALS = 9
 _SAMPLES_PER_NODE = 5  # the loops of equation 16 make 0.39 nodes a sample at the most, and FastGNG deletes some
-_MOST_HALVINGS = 3  # of the distances between the pixels that are looked at, and between samples
+_LEAST_GAP_M = 0.002  # between samples
 _STANDARD, _FAST, _SIMPLIFIED, _SHIPPED = "standard GNG", "FastGNG", "simplified FastGNG", "simplified, with evidence"
 
 
@@ -168,22 +168,32 @@ def _clouds(args: argparse.Namespace) -> list[tuple[str, EdgeCloud]]:
 
 
 def _cloud(name: str, image: DepthImage, intrinsics: Intrinsics, mount: Mount, nodes: int) -> EdgeCloud:
-    """Edges found and sampled as densely as so many nodes need: a bare view has few edges for the robot's own."""
-    edges = PerceptionConfig().edges
+    """Edges and curves as the robot has them, sampled as densely as so many nodes need."""
     try:
-        for halvings in range(_MOST_HALVINGS + 1):
-            denser = replace(
-                edges,
-                sample_spacing_m=edges.sample_spacing_m / 2**halvings,
-                stride_px=max(1, edges.stride_px // 2**halvings),
-            )
-            cloud = EdgeCloud(denser, intrinsics, mount)
-            cloud.update(image)
-            if cloud.samples >= _SAMPLES_PER_NODE * nodes:
-                break
+        cloud = EdgeCloud(PerceptionConfig().edges, intrinsics, mount)
     except ValueError as error:
         raise DepthFileError(f"{name}: {error}") from error
+    cloud.update(image)
+    wanted = min(_SAMPLES_PER_NODE * nodes, len(cloud.sample_m))
+    while cloud.samples < wanted and _sample_between(cloud, wanted - cloud.samples):
+        pass
     return cloud
+
+
+def _sample_between(cloud: EdgeCloud, most: int) -> bool:
+    """Add samples in the middle of the widest gaps along the curves; False when there are none left."""
+    count = cloud.samples
+    sample_m, weight, curve = cloud.sample_m[:count], cloud.sample_weight[:count], cloud.sample_curve[:count]
+    gap_m = np.linalg.norm(np.diff(sample_m, axis=0), axis=1) * (np.diff(curve) == 0)
+    widest = np.sort(np.argsort(-gap_m, kind="stable")[:most])
+    widest = widest[gap_m[widest] > _LEAST_GAP_M]
+    middle_m, lighter = (sample_m[widest] + sample_m[widest + 1]) / 2, np.minimum(weight[widest], weight[widest + 1])
+    denser_m, weights = np.insert(sample_m, widest + 1, middle_m, axis=0), np.insert(weight, widest + 1, lighter)
+    curves = np.insert(curve, widest + 1, curve[widest])
+    cloud.samples = len(curves)
+    cloud.sample_m[: cloud.samples], cloud.sample_weight[: cloud.samples] = denser_m, weights
+    cloud.sample_curve[: cloud.samples] = curves
+    return len(widest) > 0
 
 
 def _compare(cloud: EdgeCloud, nodes: int, runs: int) -> list[Figures]:
