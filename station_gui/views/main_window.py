@@ -24,7 +24,7 @@ from station_gui.views.drive_pad import DrivePanel
 from station_gui.views.gauges import GaugePanel
 from station_gui.views.map2d import Map2dCanvas
 from station_gui.views.map3d import Map3dCanvas
-from station_gui.views.map_files import MapFileButtons
+from station_gui.views.map_files import MapFileMenu
 from station_gui.views.mission_bar import MissionBar
 from station_gui.views.mission_log import MissionLog
 
@@ -53,7 +53,7 @@ class MainWindow(QMainWindow):
         self.details = DetailsPanel()
         self.gauges = GaugePanel(config.gauges)
         self.map2d = Map2dCanvas()
-        self.map_files = MapFileButtons()
+        self.map_files = MapFileMenu()
         self.map2d.header.insertWidget(1, self.map_files)
         self.map3d = Map3dCanvas()
         self.log = MissionLog(config.log_lines)

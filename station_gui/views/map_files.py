@@ -1,4 +1,4 @@
-"""Saving the map to a file, opening one, exporting it for other programs: buttons and the dialogs behind them.
+"""Saving the map to a file, opening one, exporting it for other programs: a menu and the dialogs behind it.
 
 The dialogs hold up nothing: the window goes on looking at the robot, and the emergency stop works beside them.
 """
@@ -18,7 +18,7 @@ from station_gui.qt.widgets import tool_button
 _FILTER = f"Maps (*{SUFFIX});;All files (*)"
 
 
-class MapFileButtons(QWidget):
+class MapFileMenu(QWidget):
     """Emits `save_asked` with a path, `export_asked` with a folder, or `open_asked` with a path and whether the robot
     shall only localise in it."""
 
@@ -28,35 +28,37 @@ class MapFileButtons(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.save_button = tool_button("Save map…", "Write the map to a file")
-        self.export_button = tool_button(
-            "Export…", "Write the map into a folder for other programs: PLY, glTF, Nav2, PNG and the way as TUM"
-        )
-        self.open_button = tool_button("Open map…", "Begin with a map from a file; the present one is forgotten")
-        self.open_button.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
-        self.continue_action = QAction("and continue mapping…", self)
-        self.continue_action.setToolTip("The robot is looked for in the map, which then goes on growing")
-        self.localise_action = QAction("and only localise…", self)
-        self.localise_action.setToolTip("The robot is looked for and followed; the map stays as it is")
-        menu = QMenu(self.open_button)
+        self.button = tool_button("File", "Open, save and export maps")
+        self.button.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        menu = QMenu(self.button)
         menu.setToolTipsVisible(True)
-        menu.addActions([self.continue_action, self.localise_action])
-        self.open_button.setMenu(menu)
+        self.button.setMenu(menu)
+        self.continue_action = _action(
+            menu, "Open map and continue mapping…", "The robot is looked for in the map, which then goes on growing"
+        )
+        self.localise_action = _action(
+            menu, "Open map and only localise…", "The robot is looked for and followed; the map stays as it is"
+        )
+        menu.addSeparator()
+        self.save_action = _action(menu, "Save map…", "Write the map to a file")
+        self.export_action = _action(
+            menu,
+            "Export map…",
+            "Write the map into a folder for other programs: PLY, glTF, Nav2, PNG and the way as TUM",
+        )
         self.dialog: QFileDialog | None = None
         row = QHBoxLayout(self)
         row.setContentsMargins(0, 0, 0, 0)
-        row.addWidget(self.open_button)
-        row.addWidget(self.save_button)
-        row.addWidget(self.export_button)
-        self.save_button.clicked.connect(self._on_save)
-        self.export_button.clicked.connect(self._on_export)
+        row.addWidget(self.button)
+        self.save_action.triggered.connect(self._on_save)
+        self.export_action.triggered.connect(self._on_export)
         self.continue_action.triggered.connect(lambda: self._on_open(False))
         self.localise_action.triggered.connect(lambda: self._on_open(True))
 
     def show_view(self, view: OperatorView) -> None:
         is_map = view.snapshot is not None and len(view.snapshot.trajectory) > 0
-        self.save_button.setEnabled(is_map)
-        self.export_button.setEnabled(is_map)
+        self.save_action.setEnabled(is_map)
+        self.export_action.setEnabled(is_map)
 
     def close_dialog(self) -> None:
         if self.dialog is not None:
@@ -97,3 +99,10 @@ class MapFileButtons(QWidget):
 
     def _on_finished(self) -> None:
         self.dialog = None
+
+
+def _action(menu: QMenu, text: str, tip: str) -> QAction:
+    action = QAction(text, menu)
+    action.setToolTip(tip)
+    menu.addAction(action)
+    return action

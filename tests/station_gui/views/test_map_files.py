@@ -25,8 +25,8 @@ def accept(dialog, path):
     dialog.accept()
 
 
-def test_save_map_asks_for_a_file_and_hands_it_on(window, operator, qtbot, tmp_path):
-    qtbot.mouseClick(window.map_files.save_button, Qt.MouseButton.LeftButton)
+def test_save_map_asks_for_a_file_and_hands_it_on(window, operator, tmp_path):
+    window.map_files.save_action.trigger()
     dialog = window.map_files.dialog
     assert dialog.acceptMode() is QFileDialog.AcceptMode.AcceptSave
     accept(dialog, tmp_path / "lab")
@@ -34,8 +34,8 @@ def test_save_map_asks_for_a_file_and_hands_it_on(window, operator, qtbot, tmp_p
     assert window.map_files.dialog is None
 
 
-def test_export_asks_for_a_folder_and_hands_it_on(window, operator, qtbot, tmp_path):
-    qtbot.mouseClick(window.map_files.export_button, Qt.MouseButton.LeftButton)
+def test_export_asks_for_a_folder_and_hands_it_on(window, operator, tmp_path):
+    window.map_files.export_action.trigger()
     dialog = window.map_files.dialog
     assert dialog.fileMode() is QFileDialog.FileMode.Directory
     dialog.setDirectory(str(tmp_path.parent))
@@ -53,9 +53,16 @@ def test_open_map_says_what_it_is_opened_for(window, operator, tmp_path, action,
     assert operator.calls == [("open_map", path, localise)]
 
 
-def test_both_ways_to_open_are_in_the_menu(window):
-    titles = [action.text() for action in window.map_files.open_button.menu().actions()]
-    assert titles == ["and continue mapping…", "and only localise…"]
+def test_all_that_can_be_done_with_a_map_is_in_the_menu(window):
+    titles = [action.text() for action in window.map_files.button.menu().actions()]
+    assert [title.split()[0] for title in titles if title] == ["Open", "Open", "Save", "Export"]
+
+
+def test_the_heads_of_the_maps_fit_into_the_smallest_window(open_window):
+    window = open_window(width_px=1120, height_px=740)
+    window.grab()
+    buttons = (window.map_files.button, window.map2d.follow_button, window.map2d.fit_button)
+    assert [b.text() for b in buttons if b.width() < b.sizeHint().width()] == []
 
 
 def test_a_cancelled_dialog_asks_nothing(window, operator):
@@ -74,8 +81,8 @@ def test_a_dialog_holds_up_neither_the_window_nor_the_emergency_stop(window, ope
 
 def test_without_a_map_there_is_nothing_to_save(open_window):
     window = open_window()
-    assert not window.map_files.save_button.isEnabled()
-    assert window.map_files.open_button.isEnabled()
+    assert not window.map_files.save_action.isEnabled()
+    assert window.map_files.continue_action.isEnabled()
 
 
 @pytest.mark.parametrize(
