@@ -31,16 +31,19 @@ def _parser() -> argparse.ArgumentParser:
     parser = Parser(
         prog="robot-app",
         description="Runs the robot: reads its devices, drives, and tells the station what it sees.",
-        epilog="example: robot-app --check, and when all devices are found: robot-app",
+        epilog="example: robot-app check, and when all devices are found: robot-app",
+    )
+    parser.add_argument(
+        "command",
+        nargs="?",
+        choices=("check",),
+        help="check: open each device and radio in turn, print what it says, and end; no wheel turns",
     )
     parser.add_argument("--config", metavar="FILE", type=Path, help="robot.toml instead of the one that comes along")
     parser.add_argument(
         "--port", type=port_number, help="listen here instead of on the port in robot.toml; 0 takes a free one"
     )
     parser.add_argument("--bind", metavar="ADDR", help="address to listen on instead of the one in robot.toml")
-    parser.add_argument(
-        "--check", action="store_true", help="open each device in turn, print what it says, and end; no wheel turns"
-    )
     parser.add_argument(
         "--new-pairing",
         metavar="FILE",
@@ -92,9 +95,9 @@ def _new_pairing(path: Path) -> int:
 
 def _work(args: argparse.Namespace) -> int:
     if args.new_pairing is not None:
-        return _new_pairing(args.new_pairing)
+        return _new_pairing(args.new_pairing.expanduser())
     config = load_config(args.config)
-    return _check(config) if args.check else _drive(config, args)
+    return _check(config) if args.command == "check" else _drive(config, args)
 
 
 def main() -> int:

@@ -1,4 +1,4 @@
-"""`robot-app --check`: opens one device after the other and tells what each of them says."""
+"""`robot-app check`: opens one device after the other and tells what each of them says."""
 
 from __future__ import annotations
 

@@ -107,9 +107,9 @@ def test_the_check_prints_a_table(
 ) -> None:
     robot.keeps_measuring = True
     path = toml_of(robot, tmp_path)
-    assert call(monkeypatch, "--config", path, "--check") == 0
+    assert call(monkeypatch, "--config", path, "check") == 0
     robot.remove("imu")
-    assert call(monkeypatch, "--config", path, "--check") == 1
+    assert call(monkeypatch, "--config", path, "check") == 1
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 16
     assert lines[0].split()[:3] == ["device", "where", "found"]
