@@ -155,6 +155,10 @@ class Lanes:
         self._next_now = (self._next_now + 1) % i.NUMBERS
         return True
 
+    def forget_newest(self) -> None:
+        """When there is a way again it would be old."""
+        self._newest.clear()
+
     def say_goodbye(self) -> None:
         self._says_goodbye = True
 

@@ -243,6 +243,7 @@ class RadioPair:
     def _fail_if_lost(self) -> None:
         if self._was_connected and not self._is_connected():
             self._was_connected = False
+            self._lanes.forget_newest()
             why = "has left" if self._lanes.peer_has_left else "is not heard any more"
             raise LinkError(f"radio: the other side {why}")
 

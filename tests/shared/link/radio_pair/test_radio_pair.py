@@ -175,6 +175,21 @@ def test_after_a_long_silence_nothing_is_missing() -> None:
     assert rig.robot.statistics.security.peer_restarts == 0
 
 
+def test_what_was_newest_before_the_way_was_lost_does_not_come_after_it() -> None:
+    rig = connected()
+    rig.channel.use_loss(lambda: Independent(1.0))
+    assert rig.station.send(b"heartbeat", Lane.NEWEST)
+    assert rig.station.send(b"order", Lane.COMMAND)
+    rig.run(5.0)
+    with pytest.raises(LinkError):
+        rig.station.receive(0.0)
+    rig.channel.use_loss(Independent)
+    came: list[bytes | None] = []
+    rig.at_each_event = lambda: came.append(rig.robot.receive(0.0)) if rig.robot.connected else None
+    rig.run(5.0)
+    assert [datagram for datagram in came if datagram] == [b"order"]
+
+
 def test_the_loss_of_the_other_side_is_raised_once() -> None:
     rig = connected()
     rig.channel.use_loss(lambda: Independent(1.0))
