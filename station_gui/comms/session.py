@@ -234,10 +234,12 @@ class Session:
 
     def _adopt(self, link: Link, generation: int) -> None:
         with self._lock:
-            if generation != self._generation:  # the operator changed his mind meanwhile
-                link.close()
-                return
-            self._link, self._link_generation = link, generation
+            is_wanted = generation == self._generation  # or the operator has changed his mind meanwhile
+            if is_wanted:
+                self._link, self._link_generation = link, generation
+        if not is_wanted:
+            link.close()  # it takes a while: nobody waits for it
+            return
         self._heard_s = self._clock.now_s()
         self._heartbeat_s = -math.inf
         self._told_version = False
@@ -336,8 +338,9 @@ class Session:
             return
         silent_s = self._clock.now_s() - self._heard_s
         slow = link.path is LinkPath.RADIO
-        if silent_s > (self._config.silence_radio_s if slow else self._config.silence_s):
-            raise LinkError(f"no word from the robot for {silent_s:.1f} s")
+        longest_s = self._config.silence_radio_s if slow else self._config.silence_s
+        if silent_s > longest_s:
+            raise LinkError(f"no word from the robot for {longest_s:g} s")
 
     def _lost(self, reason: str) -> None:
         link = self._link

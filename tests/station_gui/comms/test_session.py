@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import threading
 import zlib
 from collections import deque
 
@@ -485,6 +486,29 @@ def test_silence_over_lora_is_told_once_and_later(over_lora: Session, heard: Hea
     run(over_lora, clock, 10.0)
     assert over_lora.state is LinkState.LOST
     assert sum("no word from the robot" in e for e in heard.events) == 1
+
+
+def test_a_robot_that_never_speaks_over_lora_is_told_once(clock: ManualClock, heard: Heard, lora: OverLora) -> None:
+    session = Session(SessionConfig(), clock, heard, first_number=100)
+    session.connect(lambda: lora)
+    run(session, clock, 20.0)
+    assert session.state is LinkState.CONNECTING
+    assert heard.events == ["no word from the robot for 4 s. Trying again until it works."]
+
+
+def test_a_link_that_is_not_wanted_any_more_holds_nobody_up(clock: ManualClock, heard: Heard, lora: OverLora) -> None:
+    session = Session(SessionConfig(), clock, heard, first_number=100)
+
+    def connect() -> Link:
+        session.disconnect()
+        return lora
+
+    lora.close = session.disconnect  # type: ignore[method-assign] # takes the lock, as a button does
+    session.connect(connect)
+    worker = threading.Thread(target=session.step, daemon=True)
+    worker.start()
+    worker.join(5.0)
+    assert not worker.is_alive()
 
 
 def test_changes_of_the_path_are_told(over_lora: Session, lora: OverLora, heard: Heard) -> None:
