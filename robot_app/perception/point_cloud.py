@@ -68,6 +68,7 @@ class EdgeCloud:
         self._bend, self._shift, self._edge_q = np.zeros((3, 2, rows, columns), np.float32)
         self._pair = np.zeros(rows * columns, np.float32)
         self._floor, self._marks = np.zeros((2, rows, columns), np.uint8)
+        self._worth = np.zeros(rows * columns, np.uint8)
         self._open_rows = np.zeros(columns, np.int32)
         self.points = self.edges = self.samples = 0
 
@@ -170,6 +171,7 @@ class EdgeCloud:
             config.depth_noise,
             self._pair,
             self._marks.reshape(-1),
+            self._worth,
             self._bend[vertical],
             self._shift[vertical],
             self._edge_q[vertical],

@@ -25,6 +25,7 @@ U8 = NDArray[np.uint8]
 FEWEST_CELLS, FULL_CELLS, MOST_CELLS = 4, 6, 10  # of an arm: the least, what is enough for any angle, the most
 MOST_OFF_CELLS = 0.6  # standard deviation of where a crease is found
 WIDE_RAD = 4.0  # more than any angle: a crease of two wide faces is told better than those beside it
+UNKNOWN = 1e6  # further than any cell is from a line, 1/m
 GLANCE_CELLS = 4  # between the pairs of cells that the first glance compares
 
 
@@ -51,24 +52,17 @@ def _most_off(flat: F32, at: int, step: int, cells: int, value: float, slope: fl
 
 
 @njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
-def _begins_straight(flat: F32, at: int, step: int, slack: float) -> bool:
-    """Whether the FEWEST_CELLS cells from `at` on are known and lie within `slack` of a line."""
-    q1, q2, q3, q4 = flat[at + step], flat[at + 2 * step], flat[at + 3 * step], flat[at + 4 * step]
-    slope = 0.3 * (q4 - q1) + 0.1 * (q3 - q2)
-    middle = 0.25 * (q1 + q2 + q3 + q4)
-    outer = max(abs(q1 - middle + 1.5 * slope), abs(q4 - middle - 1.5 * slope))
-    inner = max(abs(q2 - middle + 0.5 * slope), abs(q3 - middle - 0.5 * slope))
-    straight: bool = max(outer, inner) <= slack and min(q1, q2, q3, q4) > 0.0
-    return straight
-
-
-@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
 def _straight_arm(flat: F32, at: int, step: int, room: int, slack: float) -> tuple[int, float, float]:
     """The longest arm of up to `room` cells that is straight, of three that are tried: its cells and the line through
     it. No cell of it is empty or further than `slack` from the line; the first FEWEST_CELLS are known to be so."""
     cells = FEWEST_CELLS
     while cells < room and flat[at + step * (cells + 1)] > 0.0:
         cells += 1
+    if cells == MOST_CELLS:  # most are: with the number written out the loops are unrolled
+        value, slope = _fit_arm(flat, at, step, MOST_CELLS)
+        if _most_off(flat, at, step, MOST_CELLS, value, slope) <= slack:
+            return MOST_CELLS, value, slope
+        cells = FULL_CELLS
     while cells > FEWEST_CELLS:
         value, slope = _fit_arm(flat, at, step, cells)
         if _most_off(flat, at, step, cells, value, slope) <= slack:
@@ -102,6 +96,39 @@ def mark_bends(flat: F32, step: int, crease: float, depth_m: float, noise: float
         out[k] = np.uint8(bends & (min(before[k], after[k], q) > np.float32(0.0)))
 
 
+@njit(nogil=True, cache=True, **UNCOUNTED)
+def keep_between_straight(
+    flat: F32, step: int, slack: float, slack_per_q: float, rest: F32, marks: U8, worth: U8
+) -> None:
+    """`worth`: (R * C,), 1 for the cells of the pairs that `mark_bends` marks if on either side of the cell
+    FEWEST_CELLS cells are known and lie on a line, within `slack` and `slack_per_q` times the cell's own value.
+
+    Many cells are asked at once. `rest`: (R * C,) room to work in: how far the cells from here on are from a line.
+    """
+    worth[:] = 0
+    size, margin = flat.size, FEWEST_CELLS * step
+    if size <= 2 * margin:
+        return
+    q1, q2, q3 = flat[: size - 3 * step], flat[step : size - 2 * step], flat[2 * step : size - step]
+    q4 = flat[3 * step :]
+    for k in range(q1.size):
+        slope = np.float32(0.3) * (q4[k] - q1[k]) + np.float32(0.1) * (q3[k] - q2[k])
+        middle = np.float32(0.25) * (q1[k] + q2[k] + q3[k] + q4[k])
+        far, near = np.float32(1.5) * slope, np.float32(0.5) * slope
+        outer = max(abs(q1[k] - middle + far), abs(q4[k] - middle - far))
+        inner = max(abs(q2[k] - middle + near), abs(q3[k] - middle - near))
+        empty = np.float32(min(q1[k], q2[k], q3[k], q4[k]) <= np.float32(0.0))
+        rest[k] = max(outer, inner) + np.float32(UNKNOWN) * empty
+    end = size - margin
+    before, after = rest[: end - margin], rest[margin + step : end + step]
+    marked, marked_before = marks[margin:end], marks[margin - step : end - step]
+    here, out = flat[margin:end], worth[margin:end]
+    offset, per_q = np.float32(slack), np.float32(slack_per_q)
+    for k in range(out.size):
+        straight = max(before[k], after[k]) <= offset + per_q * here[k]
+        out[k] = (marked[k] | marked_before[k]) & np.uint8(straight & (here[k] > np.float32(0.0)))
+
+
 @njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
 def _spread(cells: int) -> float:
     """The variance of a line through so many cells, one cell before the first, in parts of that of a cell."""
@@ -113,6 +140,16 @@ def _crease_angle(q: float, s0: float, cell_slope: float, slope_a: float, slope_
     """The angle between two pieces of surface that meet in a cell at slope `s0` with inverse depth `q`, rad."""
     run_a, run_b = cell_slope * q + s0 * slope_a, cell_slope * q - s0 * slope_b
     return abs(math.atan2(-slope_b, run_b) - math.atan2(slope_a, run_a))
+
+
+@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
+def _is_flatter(q: float, s0: float, cell_slope: float, slope_a: float, slope_b: float, tangent: float) -> bool:
+    """Whether `_crease_angle` is surely below the angle of this tangent, which is less than a right angle: by the
+    products of the two pieces, for arcs are dear."""
+    run_a, run_b = cell_slope * q + s0 * slope_a, cell_slope * q - s0 * slope_b
+    inner = run_a * run_b - slope_a * slope_b
+    flatter: bool = inner > 0.0 and abs(cell_slope * q * (slope_a + slope_b)) < 0.999 * tangent * inner
+    return flatter
 
 
 @njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
@@ -186,7 +223,7 @@ def _step_of(
     nearer one; 0 otherwise. The cells on either side have to follow their lines better than the step is deep."""
     q, jump, near = float(flat[at]), abs(qa - qb), max(qa, qb)
     rise, beyond = (slope_a, flat[at + step]) if qa > qb else (slope_b, flat[at - step])
-    if jump < max(min_step_m * q * q, 4.5 * noise * math.sqrt(_spread(cells_a) + _spread(cells_b))):
+    if jump < min_step_m * q * q or jump < 4.5 * noise * math.sqrt(_spread(cells_a) + _spread(cells_b)):
         return 0.0
     if abs(q - near) > 0.4 * jump or near - rise - beyond < 0.6 * jump:
         return 0.0
@@ -209,6 +246,7 @@ def measure_bends(
     noise: float,
     pair: F32,
     marks: U8,
+    worth: U8,
     bend: F32,
     shift: F32,
     edge_q: F32,
@@ -217,32 +255,32 @@ def measure_bends(
 
     Fills `bend`, `shift` and `edge_q`. `flat`: `inverse`, row after row; `slopes`: of the columns or rows;
     `cell_slope`: the step of a cell in them. `min_angle_rad`: of a crease; where a face is too narrow for an arm of
-    FULL_CELLS, `short_angle_rad`. `noise`: of the inverse depth, 1/m. `pair`, `marks`: (R * C,) room to work in.
+    FULL_CELLS, `short_angle_rad`. `noise`: of the inverse depth, 1/m. `pair`, `marks`, `worth`: (R * C,) to work in.
     """
     rows, columns = inverse.shape
     half = stride // 2
     step = columns if vertical == 1 else 1
     glance = 0.9 * 2.0 * math.tan(0.5 * min_angle_rad) * GLANCE_CELLS * cell_slope
     mark_bends(flat, step, glance, 0.8 * min_step_m, 5.0 * noise, pair, marks)
+    keep_between_straight(flat, step, 3.5 * noise, 0.15 * cell_slope, pair, marks, worth)
+    tangent = math.tan(min(min_angle_rad, short_angle_rad))
     bend[:] = 0.0
     for i in range(rows):
         for j in range(columns):
             at = i * columns + j
-            if marks[at] == 0 and (at < step or marks[at - step] == 0):
+            before, after = (i, rows - 1 - i) if vertical == 1 else (j, columns - 1 - j)
+            if worth[at] == 0 or min(before, after) < FEWEST_CELLS:
                 continue
             q = float(flat[at])
-            before, after = (i, rows - 1 - i) if vertical == 1 else (j, columns - 1 - j)
-            if q == 0.0 or min(before, after) < FEWEST_CELLS:
-                continue
             slack = 3.5 * noise + 0.15 * cell_slope * q
-            if not _begins_straight(flat, at, -step, slack) or not _begins_straight(flat, at, step, slack):
-                continue
             cells_a, qa, slope_a = _straight_arm(flat, at, -step, min(MOST_CELLS, before), slack)
             cells_b, qb, slope_b = _straight_arm(flat, at, step, min(MOST_CELLS, after), slack)
             turn = slope_a + slope_b
             where = (qa - qb) / turn if turn != 0.0 else math.inf
             if abs(where) <= 1.5:
                 s0 = slopes[half + (i if vertical == 1 else j) * stride]
+                if _is_flatter(q, s0, cell_slope, slope_a, slope_b, tangent):
+                    continue
                 bend[i, j] = _crease_of(
                     flat, at, step, s0, cell_slope, cells_a, qa, slope_a, cells_b, qb, slope_b,
                     min_angle_rad, short_angle_rad, noise,

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from robot_app.drivers.base import DepthImage
 from robot_app.perception import _kernels as kernels
 from robot_app.perception.config import EdgeConfig
+from robot_app.perception.curves import _kernels as bends
 from robot_app.perception.point_cloud import EdgeCloud
 
 UNIT_M = 0.00025
@@ -201,3 +202,30 @@ class FarFloor:
 
     def robot_from_optical(self) -> np.ndarray:
         return np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 100], [0, 0, 0, 1]], np.float64)
+
+
+@pytest.mark.parametrize("step", [1, 40])
+def test_cells_are_worth_a_look_where_a_pair_is_marked_and_four_cells_on_either_side_lie_on_a_line(step: int) -> None:
+    rng = np.random.default_rng(3)
+    faces = rng.uniform(0.3, 1.0, 120)[np.arange(1200) // step // 11]  # eleven cells wide
+    flat = (faces + rng.normal(0, 0.01, 1200)).astype(np.float32)
+    flat[rng.integers(0, 1200, 60)] = 0.0
+    marks = rng.integers(0, 2, 1200).astype(np.uint8)
+    worth = np.full(1200, 7, np.uint8)
+    bends.keep_between_straight(flat, step, 0.02, 0.01, np.zeros(1200, np.float32), marks, worth)
+
+    def straight(at: int, way: int) -> bool:
+        cells = flat[[at + way * k for k in (1, 2, 3, 4)]].astype(float)
+        rest = cells - np.polyval(np.polyfit(range(4), cells, 1), range(4))
+        return bool(cells.min() > 0 and np.abs(rest).max() <= 0.02 + 0.01 * flat[at])
+
+    expected = [
+        4 * step <= at < 1200 - 4 * step
+        and flat[at] > 0
+        and bool(marks[at] | marks[at - step])
+        and straight(at, -step)
+        and straight(at, step)
+        for at in range(1200)
+    ]
+    assert 10 < sum(expected) < 500
+    assert worth.tolist() == [int(worth_it) for worth_it in expected]
