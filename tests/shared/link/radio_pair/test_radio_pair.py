@@ -178,6 +178,7 @@ def test_after_a_long_silence_nothing_is_missing() -> None:
 def test_what_was_newest_before_the_way_was_lost_does_not_come_after_it() -> None:
     rig = connected()
     rig.channel.use_loss(lambda: Independent(1.0))
+    rig.run(1.0)  # the station is not asked any more
     assert rig.station.send(b"heartbeat", Lane.NEWEST)
     assert rig.station.send(b"order", Lane.COMMAND)
     rig.run(5.0)
