@@ -47,7 +47,7 @@ def open_link(config: RobotConfig, clock: Clock) -> OpenLink:
     assert pairing is not None  # the configuration has been checked
     if c.use == "radio":
         return OpenLink(_open_pair(config, pairing, clock), None, at)
-    server = TcpServerLink(c.bind, c.port, clock, pairing=pairing)
+    server = TcpServerLink(c.bind, c.port, clock, BUSY, pairing)
     pair = _open_pair(config, pairing, clock)
     link = Failover(
         serve(server), pair, clock, secrets.token_bytes, FailoverConfig(reconnect_s=_LISTEN_EVERY_S), server.close

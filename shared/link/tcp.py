@@ -22,6 +22,7 @@ _READ_BYTES = 4_096  # parsing more at a time would hold up the other tasks
 _KNOCKING_S = 2.0  # for a secure connection to be agreed on
 _MOST_KNOCKING = 4
 _HANDSHAKE_STEPS = 20
+_PEEKS = 20
 _SILENT_PEER_S = 1.5  # after this a newcomer takes the place of a peer that says nothing
 
 
@@ -91,6 +92,10 @@ class _Peer:
     @property
     def has_room(self) -> bool:
         return self.is_ready and not self._out
+
+    @property
+    def first(self) -> bytes | None:
+        return self._arrived[0] if self._arrived else None
 
     def pop(self) -> bytes | None:
         return self._arrived.popleft() if self._arrived else None
@@ -178,6 +183,16 @@ class TcpClientLink(_TcpEnd):
             _select([peer.sock], [peer.sock] if peer.has_output else [], timeout_s / _HANDSHAKE_STEPS)
             peer.read()
         raise LinkError(f"{self._name}: no secure connection in time. Does the robot use a pairing file?")
+
+    def peek(self, timeout_s: float) -> bytes | None:
+        """The next datagram, which `receive` gives again; None when none came in time."""
+        peer = self._connected_peer()
+        for _ in range(_PEEKS):
+            if (first := peer.first) is not None:
+                return first
+            _select([peer.sock], [], timeout_s / _PEEKS)
+            peer.read()
+        return peer.first
 
     def send(self, datagram: bytes, lane: Lane = Lane.BULK, slot: int = 0, for_radio: ForRadio | None = None) -> bool:
         del lane, slot, for_radio

@@ -7,14 +7,16 @@ from dataclasses import replace
 from pathlib import Path
 
 from shared.link.base import Link, LinkError
-from shared.link.failover.link import Failover
-from shared.link.failover.wifi_ends import Dialler
+from shared.link.failover.link import Failover, is_greeting
+from shared.link.failover.wifi_ends import Dialler, NoRadio
 from shared.link.pairing import Pairing, read_pairing
 from shared.link.radio_config import RadioConfig
 from shared.link.radios import open_pair
 from shared.link.tcp import TcpClientLink
 from shared.runtime.clock import Clock
 from station_gui.comms.target import Target
+
+_FIRST_WORD_S = 1.0  # a robot greets at once
 
 
 class Connector:
@@ -30,7 +32,8 @@ class Connector:
         """Raises `LinkError`."""
         pairing = self._pairing(needed=bool(target.radio_ports))
         if not target.radio_ports:
-            return TcpClientLink(target.host, target.port, self._timeout_s, pairing)
+            link = self._dial(target, pairing)
+            return link if pairing is None else self._as_the_robot_speaks(link, target, pairing)
         assert pairing is not None
         try:
             config = replace(self._radio, ports=target.radio_ports)
@@ -40,8 +43,23 @@ class Connector:
         pair = open_pair(config, pairing, self._clock, is_robot=False, has_wifi=has_wifi)
         if not has_wifi:
             return pair
-        dialler = Dialler(lambda: TcpClientLink(target.host, target.port, self._timeout_s, pairing))
+        dialler = Dialler(lambda: self._dial(target, pairing))
         return Failover(dialler, pair, self._clock, secrets.token_bytes, when_closed=dialler.close)
+
+    def _dial(self, target: Target, pairing: Pairing | None) -> TcpClientLink:
+        return TcpClientLink(target.host, target.port, self._timeout_s, pairing)
+
+    def _as_the_robot_speaks(self, link: TcpClientLink, target: Target, pairing: Pairing) -> Link:
+        """A robot that has radios too greets as a failover does; without radios of ours Wi-Fi is all there is."""
+        try:
+            first = link.peek(_FIRST_WORD_S)
+        except LinkError:
+            link.close()
+            raise
+        if first is None or not is_greeting(first):
+            return link
+        dialler = Dialler(lambda: self._dial(target, pairing), link)
+        return Failover(dialler, NoRadio(), self._clock, secrets.token_bytes, when_closed=dialler.close)
 
     def _pairing(self, needed: bool) -> Pairing | None:
         if self._pairing_file:

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from shared.link.base import LinkError
+from robot_app.config import LinkConfig, load_config
+from robot_app.link import open_link
+from robot_app.uplink import Uplink
+from shared.link.base import Lane, LinkError
 from shared.link.pairing import read_pairing, write_new_pairing
-from shared.link.radio_config import RadioConfig
+from shared.link.radio_config import LinkUse, RadioConfig
 from shared.link.tcp import TcpServerLink
-from shared.runtime.clock import ManualClock
+from shared.messages import Ack, Command, Hello, NumberedCommand, Start
+from shared.protocol.codec import Decoder, encode
+from shared.runtime.clock import ManualClock, MonotonicClock
 from station_gui.comms.connect import Connector
 from station_gui.comms.target import Target
 
@@ -43,4 +49,59 @@ def test_with_the_robots_file_it_is_let_in(tmp_path: Path) -> None:
     station.close()
     stop.set()
     thread.join(5.0)
+    robot.close()
+
+
+class Robot:
+    """Greets, and carries out whatever it is told."""
+
+    def __init__(self, pairing: Path, use: LinkUse) -> None:
+        self.handled: list[Command] = []
+        self._clock = MonotonicClock()
+        link = LinkConfig(use, 0, "127.0.0.1", str(pairing))
+        config = replace(load_config(None), link=link, radio=RadioConfig(("/dev/no-such-port",)))
+        self._opened = open_link(config, self._clock)
+        self._uplink = Uplink(self._opened.link, Hello("r", "0", ((0.0, 0.0),), 0.5))
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    @property
+    def target(self) -> Target:
+        return Target("127.0.0.1", self._opened.port or 0)
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join(5.0)
+        self._opened.link.close()
+
+    def _run(self) -> None:
+        while not self._clock.wait(self._stop, self._clock.now_s() + 0.005):
+            self._uplink.receive(self._clock.now_s(), self._handle, lambda: None, lambda: None)
+            self._uplink.greet(self._clock.now_s())
+
+    def _handle(self, command: Command) -> tuple[bool, str]:
+        self.handled.append(command)
+        return True, ""
+
+
+@pytest.mark.parametrize("use", ["tcp", "both"])
+def test_without_radios_it_speaks_with_either_kind_of_robot(tmp_path: Path, use: LinkUse) -> None:
+    path = tmp_path / "pairing.pem"
+    write_new_pairing(path)
+    robot = Robot(path, use)
+    station = Connector(MonotonicClock(), 5.0, str(path), RadioConfig())(robot.target)
+    assert station.mends_itself == (use == "both")
+    came: list[object] = []
+    for _ in range(500):
+        if (datagram := station.receive(0.01)) is not None:
+            came.append(Decoder().decode(datagram))
+            station.send(encode(NumberedCommand(7, Start())), Lane.COMMAND)
+        if len(came) > 1:
+            break
+    assert [type(message) for message in came] == [Hello, Ack]
+    assert robot.handled == [Start()]
+    assert station.health.is_secret
+    assert station.health.lora is None
+    station.close()
     robot.close()

@@ -39,6 +39,11 @@ _ACK_SLOT, _HELLO_SLOT = 31, 30  # of the radio's NEWEST lane; ours
 MOST_SLOTS = 30
 
 
+def is_greeting(datagram: bytes) -> bool:
+    """Whether a failover speaks: what `codec` makes begins with its version, which is not 0."""
+    return len(datagram) == _HEAD_BYTES + 2 * _EPOCH_BYTES and datagram[0] == Kind.HELLO and datagram[1] <= 1
+
+
 class Failover:
     """A `Link`. `connect` makes the Wi-Fi link, now and whenever it is lost: the robot's gives its server again.
 
@@ -107,7 +112,8 @@ class Failover:
         radio = self._radio.health
         with self._lock:
             wifi = self._is_open(LinkPath.WIFI) and self._watch.is_alive(self._clock.now_s())
-            return replace(radio, wifi=wifi, lora=self._is_open(LinkPath.RADIO))
+            lora = None if radio.lora is None else self._is_open(LinkPath.RADIO)
+            return replace(radio, wifi=wifi, lora=lora)
 
     def send(self, datagram: bytes, lane: Lane = Lane.BULK, slot: int = 0, for_radio: ForRadio | None = None) -> bool:
         """As `Link`."""

@@ -59,6 +59,25 @@ class ServedStation:
             raise LinkError("Wi-Fi: the station's connection is gone")
 
 
+class NoRadio:
+    """Of a station without radios, whose robot has some."""
+
+    connected = has_room = False
+    health = LinkHealth(is_secret=True)  # LoRa is not spoken without a pairing file
+    resets = 0
+
+    def send(self, datagram: bytes, lane: Lane = Lane.BULK, slot: int = 0) -> bool:
+        del datagram, lane, slot
+        return False
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        del timeout_s
+        return None
+
+    def close(self) -> None:
+        pass
+
+
 def serve(server: TcpServerLink) -> Callable[[], Link | None]:
     """The robot's end; ask it often, because newcomers come in when it is asked."""
 
@@ -74,10 +93,11 @@ def serve(server: TcpServerLink) -> Callable[[], Link | None]:
 class Dialler:
     """The station's end: `make` waits for the network, in a thread of its own that lives as long as one attempt."""
 
-    def __init__(self, make: Callable[[], Link]) -> None:
+    def __init__(self, make: Callable[[], Link], made: Link | None = None) -> None:
+        """`made`: what the first call gives."""
         self._make = make
         self._lock = threading.Lock()
-        self._made: Link | None = None
+        self._made = made
         self._error: LinkError | None = None
         self._thread: threading.Thread | None = None
         self._is_closed = False
