@@ -36,7 +36,7 @@ from tools.evaluate.depth.pictures import draw
 
 _RUNS = 20
 _LEAST_PX, _MOST_PX = 1.0, 100_000.0  # of a lens
-_KINECT_PX = (585.0, 585.0, 320.0, 240.0)  # of the 7-Scenes sequences
+_KINECT_WIDTHS = 585.0 / 640.0  # focal length of the 7-Scenes sequences, in widths of the image
 _L515_FOV_RAD = (math.radians(70), math.radians(50))
 _ROBOT_MOUNT = CameraMount(0.28, 0.17, 0.0)
 _NOWHERE_M = 100.0  # so high that nothing in view is near the floor
@@ -176,7 +176,7 @@ def compare_labels(
 def intrinsics_of(path: Path, image: DepthImage, lens_px: tuple[float, ...] | None) -> Intrinsics:
     height, width = image.depth.shape
     if lens_px is None and path.suffix.lower() == ".png":
-        lens_px = _KINECT_PX
+        lens_px = (_KINECT_WIDTHS * width, _KINECT_WIDTHS * width, width / 2, height / 2)
     if lens_px is None:
         return Intrinsics.from_field_of_view(width, height, *_L515_FOV_RAD)
     return Intrinsics(width, height, *lens_px)

@@ -269,6 +269,18 @@ def test_intrinsics_that_are_not_four_positive_numbers_are_refused(text: str) ->
         parse("x.png", "--intrinsics", text)
 
 
+@pytest.mark.parametrize(("width", "height"), [(640, 480), (320, 240), (1280, 720), (64, 16)])
+@pytest.mark.parametrize("ending", [".png", ".npy"])
+def test_a_camera_that_is_not_told_looks_through_the_middle_of_images_of_any_size(
+    width: int, height: int, ending: str
+) -> None:
+    image = DepthImage(0.0, np.zeros((height, width), np.uint16), 0.001)
+    lens = extraction.intrinsics_of(Path(f"a{ending}"), image, None)
+    assert (lens.width, lens.height, lens.cx, lens.cy) == (width, height, width / 2, height / 2)
+    if ending == ".png":
+        assert lens.fx == lens.fy == pytest.approx(585 / 640 * width)
+
+
 def test_the_floor_is_found_with_the_cameras_height_and_pitch() -> None:
     pitch, height_m = 0.3, 1.2
     lens = Intrinsics(640, 480, 585.0, 585.0, 320.0, 240.0)
