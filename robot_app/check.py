@@ -13,10 +13,10 @@ from robot_app.drivers.ads1115 import Ads1115
 from robot_app.drivers.base import DeviceError, DriveSetting
 from robot_app.drivers.config import DeviceConfig
 from robot_app.drivers.encoder import QuadratureEncoders
+from robot_app.drivers.hokuyo import HokuyoScanner
 from robot_app.drivers.l515 import RealSenseCamera
 from robot_app.drivers.lsm9ds1 import Lsm9ds1
 from robot_app.drivers.thermometer import CpuThermometer
-from robot_app.drivers.ubg04lx import Ubg04lx
 from shared.geometry.ackermann import CarGeometry
 from shared.link.base import LinkError
 from shared.link.es920lr.core import Ready
@@ -46,7 +46,7 @@ def check_devices(config: DeviceConfig, car: CarGeometry, clock: Clock) -> Itera
         ("power", f"I2C {c.power.bus}, {c.power.address:#04x}", lambda: _power(c, clock)),
         ("imu", f"I2C {c.imu.bus}, {c.imu.address:#04x}", lambda: _imu(c, clock)),
         ("encoders", c.encoders.chip, lambda: _encoders(c, clock)),
-        ("scanner", c.scanner.port, lambda: _scanner(c, clock)),
+        ("scanner", c.scanner.address or c.scanner.port, lambda: _scanner(c, clock)),
         ("depth camera", f"USB {c.camera.serial}".rstrip(), lambda: _camera(c, clock)),
     )
     for device, where, look in checks:
@@ -130,7 +130,7 @@ def _encoders(c: DeviceConfig, clock: Clock) -> str:
 
 
 def _scanner(c: DeviceConfig, clock: Clock) -> str:
-    scanner = Ubg04lx(c.scanner, clock)
+    scanner = HokuyoScanner(c.scanner, clock)
     try:
         scan = scanner.read(_PATIENCE_S)
     finally:

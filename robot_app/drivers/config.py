@@ -11,9 +11,10 @@ Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 
 @dataclass(frozen=True, slots=True)
 class ScannerConfig:
-    """Hokuyo UBG-04LX-F01, or another scanner that speaks SCIP 2.0."""
+    """Hokuyo UBG-04LX-F01, or another scanner that speaks SCIP 2.0; a UST over TCP. Its steps it tells itself."""
 
     port: str = "/dev/ttyACM0"
+    address: str = ""  # of a scanner at the network, 192.168.0.10:10940 as delivered; empty: it is at `port`
     baud_rate: int = 115_200  # means nothing on USB; on RS-232 the scanner is found at any rate and set to this one
     period_s: float = 0.028  # of one turn; used when the scanner does not tell its speed
     range_min_m: float = 0.06  # data sheet
@@ -29,6 +30,9 @@ class ScannerConfig:
     def __post_init__(self) -> None:
         if not 0 < self.range_min_m < self.range_max_m:
             raise ValueError("range_min_m must be positive and below range_max_m")
+        host, colon, number = self.address.rpartition(":")
+        if self.address and not (host and colon and number.isdecimal() and 0 < int(number) < 65_536):
+            raise ValueError(f"address must be like 192.168.0.10:10940, not {self.address!r}")
         times_s = (self.period_s, self.answer_timeout_s, self.start_up_s, self.silence_s, self.reopen_every_s)
         if min(times_s) <= 0 or self.baud_rate <= 0:
             raise ValueError("baud_rate and all times must be positive")

@@ -9,11 +9,14 @@ from robot_app.drivers.base import DeviceError
 
 
 def load_library(name: str, device: str) -> Any:
-    """The module `name`. Raises `DeviceError` that names the missing package and how to install it."""
+    """The module `name`, of a library or of ours that imports one.
+
+    Raises `DeviceError` that names the missing package and how to install it.
+    """
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
-        package = name.partition(".")[0]
+        package = (error.name or name).partition(".")[0]
         raise DeviceError(
             f"{device}: the Python package {package} is not installed; run: pip install '.[robot]'"
         ) from error

@@ -10,10 +10,10 @@ from robot_app.drivers.ads1115 import Ads1115
 from robot_app.drivers.base import Hardware
 from robot_app.drivers.config import DeviceConfig
 from robot_app.drivers.encoder import QuadratureEncoders
+from robot_app.drivers.hokuyo import HokuyoScanner
 from robot_app.drivers.l515 import RealSenseCamera
 from robot_app.drivers.lsm9ds1 import Lsm9ds1
 from robot_app.drivers.thermometer import CpuThermometer
-from robot_app.drivers.ubg04lx import Ubg04lx
 from shared.geometry.ackermann import CarGeometry
 from shared.runtime.clock import Clock
 
@@ -39,7 +39,7 @@ def open_hardware(config: DeviceConfig, car: CarGeometry, clock: Clock) -> Hardw
             power=kept(Ads1115(config.power, clock)),
             imu=kept(Lsm9ds1(config.imu, clock)),
             encoders=kept(QuadratureEncoders(config.encoders, clock)),
-            scanner=kept(Ubg04lx(config.scanner, clock)),
+            scanner=kept(HokuyoScanner(config.scanner, clock)),
             camera=kept(RealSenseCamera(config.camera, clock)),
         )
         opened.pop_all()

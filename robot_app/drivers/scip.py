@@ -6,6 +6,7 @@ and ends with an empty line (specification C-42-03320B). Foreign bytes never rai
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,10 +16,12 @@ END = b"\n\n"
 STREAMED = b"99"
 RESUMED = b"98"
 OK = b"00"
+UNSTABLE = b"0M"
 _LINE_CHARACTERS = 64
 _BUFFER_BYTES = 65_536
 _KEPT_BYTES = 8_192  # more than the longest reply, 2137 bytes for a scan of 3-character data
 _FIRST_CHARACTER = 0x30
+_LINE_FEED = 0x0A
 
 _STATUS_NAMES = {
     b"00": "fine",
@@ -29,6 +32,8 @@ _STATUS_NAMES = {
     b"0G": "the text is too long",
     b"0H": "the text has a wrong character",
     b"0I": "is waiting for new firmware",
+    b"0L": "is in trouble",
+    b"0M": "is not stable yet",
     b"10": "the laser is off",
     b"98": "measures again",
     b"99": "sends a scan",
@@ -65,6 +70,13 @@ class Reply:
     echo: bytes
     status: bytes
     body: bytes
+
+    @property
+    def text(self) -> bytes:
+        """As it came, without the two line feeds at its end."""
+        total = bytes([checksum(self.status)]) if len(self.status) == 2 else b""
+        head = self.echo + b"\n" + self.status + total
+        return head + b"\n" + self.body if self.body else head
 
 
 def parse_reply(block: bytes, request: bytes) -> Reply | None:
@@ -122,27 +134,6 @@ class ReplyBuffer:
         self._bytes.clear()
 
 
-@dataclass(frozen=True, slots=True)
-class Field:
-    name: str
-    value: str
-
-
-def parse_fields(body: bytes) -> tuple[Field, ...]:
-    """`NAME:value;sum` lines of VV, PP and II; lines with a wrong sum are left out."""
-    fields = []
-    for line in body.split(b"\n"):
-        text, semicolon, total = line.rpartition(b";")
-        if semicolon and len(total) == 1 and checksum(text) == total[0]:
-            name, _, value = text.decode("ascii", "replace").partition(":")
-            fields.append(Field(name, value))
-    return tuple(fields)
-
-
-def value_of(fields: tuple[Field, ...], name: str) -> str | None:
-    return next((f.value for f in fields if f.name == name), None)
-
-
 def decode_number(text: bytes) -> int | None:
     """Six bits a character, the most significant first."""
     number = 0
@@ -151,6 +142,44 @@ def decode_number(text: bytes) -> int | None:
             return None
         number = number << 6 | character - _FIRST_CHARACTER
     return number
+
+
+@dataclass(frozen=True, slots=True)
+class ScannerParameters:
+    """What the scanner says about itself (PP). Steps grow counter-clockwise seen from above."""
+
+    model: str
+    range_min_mm: int
+    range_max_mm: int
+    steps_per_turn: int
+    first_step: int
+    last_step: int
+    front_step: int
+    turns_per_minute: int
+
+    @property
+    def beams(self) -> int:
+        return self.last_step - self.first_step + 1
+
+    @property
+    def step_rad(self) -> float:
+        return math.tau / self.steps_per_turn
+
+
+@dataclass(frozen=True, slots=True)
+class BaudRates:
+    found: int
+    now: int
+
+
+@dataclass(frozen=True, slots=True)
+class ScannerIdentity:
+    """VV and the state of II."""
+
+    product: str
+    firmware: str
+    serial: str
+    state: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,13 +191,14 @@ class ScanBlock:
 
 
 class ScanDecoder:
-    """Decodes the bodies of scan replies of `beams` values of 2 or 3 characters."""
+    """Decodes the bodies of scan replies of `beams` values of 2 or 3 characters; no loop over beams or lines."""
 
     def __init__(self, beams: int, characters: int) -> None:
         total = beams * characters
         self._characters = characters
         self._full_lines, self._rest = divmod(total, _LINE_CHARACTERS)
         self._text = np.empty(total, np.uint8)
+        self._sums = np.empty(self._full_lines, np.uint32)
         self._data_bytes = self._full_lines * (_LINE_CHARACTERS + 2) + (self._rest + 2 if self._rest else 0)
 
     @property
@@ -179,34 +209,36 @@ class ScanDecoder:
     def decode(self, body: bytes) -> ScanBlock | None:
         """None where the length, a check sum or a character is wrong."""
         time_text, _, data = body.partition(b"\n")
-        if len(time_text) != 5 or checksum(time_text[:4]) != time_text[4] or len(data) + 1 != self._data_bytes:
+        if len(time_text) != 5 or checksum(time_text[:4]) != time_text[4]:
             return None
-        time_ms = decode_number(time_text[:4])
-        if time_ms is None or not self._unfold(np.frombuffer(data + b"\n", np.uint8)):
+        time_ms, values = decode_number(time_text[:4]), self.values(data + b"\n")
+        return None if time_ms is None or values is None else ScanBlock(time_ms, values)
+
+    def values(self, data: bytes) -> NDArray[np.int32] | None:
+        """(B,) of the data lines, each with its sum and its line feed; None where something is wrong."""
+        if len(data) != self._data_bytes or not self._unfold(np.frombuffer(data, np.uint8)):
             return None
-        sextets = self._text - np.uint8(_FIRST_CHARACTER)
-        if int(sextets.max(initial=0)) >= 64:
+        sextets = np.subtract(self._text, _FIRST_CHARACTER, out=self._text)  # what is below wraps to above 63
+        if sextets.max(initial=0) >= 64:
             return None
-        values = np.zeros(len(sextets) // self._characters, np.int32)
-        for column in sextets.reshape(-1, self._characters).T:
-            values = values << 6 | column
-        return ScanBlock(time_ms, values)
+        values = sextets[:: self._characters].astype(np.int32)
+        for i in range(1, self._characters):
+            np.left_shift(values, 6, out=values)
+            np.bitwise_or(values, sextets[i :: self._characters], out=values)
+        return values
 
     def _unfold(self, data: NDArray[np.uint8]) -> bool:
         """The lines without sums and line feeds into one text; False where one of those is wrong."""
         full = self._full_lines * _LINE_CHARACTERS
         lines = data[: self._full_lines * (_LINE_CHARACTERS + 2)].reshape(self._full_lines, _LINE_CHARACTERS + 2)
-        self._text[:full].reshape(self._full_lines, _LINE_CHARACTERS)[:] = lines[:, :_LINE_CHARACTERS]
-        if not _sums_are_right(lines):
+        texts = self._text[:full].reshape(self._full_lines, _LINE_CHARACTERS)
+        texts[:] = lines[:, :_LINE_CHARACTERS]
+        sums = np.add.reduce(texts, axis=1, dtype=np.uint32, out=self._sums)
+        np.bitwise_and(sums, 0x3F, out=sums)
+        if not (np.array_equal(sums + _FIRST_CHARACTER, lines[:, -2]) and (lines[:, -1] == _LINE_FEED).all()):
             return False
         if not self._rest:
             return True
-        last = data[lines.size :].reshape(1, self._rest + 2)
-        self._text[full:] = last[0, : self._rest]
-        return _sums_are_right(last)
-
-
-def _sums_are_right(lines: NDArray[np.uint8]) -> bool:
-    """`lines`: (L, n + 2), n characters, their sum and a line feed."""
-    sums = (lines[:, :-2].sum(axis=1, dtype=np.int64) & 0x3F) + _FIRST_CHARACTER
-    return bool((sums == lines[:, -2]).all() and (lines[:, -1] == ord("\n")).all())
+        last = data[lines.size :]
+        self._text[full:] = last[: self._rest]
+        return checksum(last[: self._rest].tobytes()) == last[-2] and bool(last[-1] == _LINE_FEED)

@@ -1,4 +1,4 @@
-"""Hokuyo UBG-04LX-F01 over USB or RS-232: scans as they are measured, by MS of SCIP 2.0."""
+"""Hokuyo's scanners, UBG-04LX-F01 over USB or RS-232 and UST over TCP: scans as they are measured, by MS or MD."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import contextlib
 import logging
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,19 +14,37 @@ from numpy.typing import NDArray
 from robot_app.drivers.arrival import ArrivalFilter, WrappingCounter
 from robot_app.drivers.base import DeviceError, RawScan
 from robot_app.drivers.config import ScannerConfig
+from robot_app.drivers.library import load_library
 from robot_app.drivers.lost import Reopening
-from robot_app.drivers.scip import OK, RESUMED, STREAMED, ScanDecoder, parse_reply, status_name
-from robot_app.drivers.scip_client import RS232_RATES, ScannerIdentity, ScannerParameters, ScipClient
+from robot_app.drivers.scip import (
+    OK,
+    RESUMED,
+    STREAMED,
+    UNSTABLE,
+    ScanDecoder,
+    ScannerIdentity,
+    ScannerParameters,
+    parse_reply,
+    status_name,
+)
+from robot_app.drivers.scip_transport import ScipTransport
 from robot_app.drivers.serial_line import SerialLine
+from robot_app.drivers.tcp_line import TcpLine
 from shared.geometry.se2 import Pose2
 from shared.messages import ScanGeometry
 from shared.runtime.clock import Clock
 
+if TYPE_CHECKING:
+    from robot_app.drivers.scip_client import ScipClient
+
 _log = logging.getLogger(__name__)
-_CHARACTERS = 2  # of a value: up to 4095 mm, all that a 4 m scanner needs, and two thirds of the bytes
+_SHORT_MAX_MM = 4095  # of a value of two characters: all that a 4 m scanner needs, and two thirds of the bytes
+# After power-up the scanner has the rate it was delivered with, which is not the same for all of them.
+_RS232_RATES = (115_200, 19_200, 38_400, 57_600, 250_000, 500_000, 750_000)
 _COUNTER_BITS, _COUNTER_TICK_S = 24, 0.001
 _BITS_PER_BYTE = 10  # on an RS-232 line
 _USB_TRANSFER_S = 0.0015  # of 1435 bytes at full speed, with its 1 ms frames
+_TCP_TRANSFER_S = 0.0005  # of 3381 bytes at 100 Mbit/s, and the way through the kernel
 _RESTART_S = 1.0  # the task that reads must be able to end; the next read tries again
 _HARDWARE_TROUBLE = range(50, 98)
 
@@ -45,7 +64,7 @@ class _Scan:
     values_mm: NDArray[np.int32]
 
 
-class Ubg04lx:
+class HokuyoScanner:
     """The newest scan only.
 
     The scanner sends a scan when its last beam is measured. The stamp, that of beam 0, is the arrival less the
@@ -60,11 +79,15 @@ class Ubg04lx:
         self._closed = False
         self._client: ScipClient | None = None
         self._is_usb = "ACM" in Path(config.port).resolve().name  # where rates mean nothing
-        self._rates: tuple[int, ...] = (config.baud_rate, *(() if self._is_usb else RS232_RATES))
+        self._rates: tuple[int, ...] = (config.baud_rate, *(() if self._is_usb else _RS232_RATES))
         self.counters = ScanCounters()
         self._start(config.start_up_s)
         self._rates = (config.baud_rate, self._baud_rates.found)  # it has the second again after a loss of power
         self._geometry = _geometry(self._parameters, config)
+
+    @property
+    def _name(self) -> str:
+        return f"scanner at {self._config.address or self._config.port}"
 
     @property
     def geometry(self) -> ScanGeometry:
@@ -81,7 +104,7 @@ class Ubg04lx:
     def read(self, timeout_s: float) -> RawScan | None:
         """After a loss the read raises `DeviceError`, and a later one opens the port again."""
         if self._closed:
-            raise DeviceError(f"scanner at {self._config.port}: is closed")
+            raise DeviceError(f"{self._name}: is closed")
         self._reopening.check_due()
         try:
             if self._client is None:
@@ -98,10 +121,18 @@ class Ubg04lx:
         self._drop()
 
     def _start(self, first_scan_within_s: float) -> None:
-        line = SerialLine("scanner", self._config.port, self._config.baud_rate)
-        self._client = ScipClient(line, self._clock, self._config.answer_timeout_s)
+        c = self._config
+        protocol = load_library("robot_app.drivers.scip_client", "scanner")
+        if c.address:
+            line: SerialLine | TcpLine = TcpLine("scanner", c.address, first_scan_within_s)
+        else:
+            line = SerialLine("scanner", c.port, c.baud_rate)
+        self._transport = ScipTransport(line, self._clock)
+        client: ScipClient = protocol.ScipClient(self._transport, c.answer_timeout_s)
+        self._client = client
         try:
-            self._begin_streaming(self._client)
+            self._baud_rates = client.find(self._rates, line.set_baud_rate)
+            self._begin_streaming(client)
             self._last_read_s = self._clock.now_s()
             self._good_s = self._last_read_s + first_scan_within_s
             if self._newest(first_scan_within_s) is None:
@@ -111,22 +142,23 @@ class Ubg04lx:
             raise
 
     def _begin_streaming(self, client: ScipClient) -> None:
-        self._baud_rates = client.find(self._rates)
         self._identity = client.identity()
         self._parameters = p = client.parameters()
-        self._decoder = ScanDecoder(p.beams, _CHARACTERS)
+        characters = 2 if min(p.range_max_mm, self._config.range_max_m * 1e3) <= _SHORT_MAX_MM else 3
+        self._decoder = ScanDecoder(p.beams, characters)
         self._arrival = ArrivalFilter()
         self._counter = WrappingCounter(_COUNTER_BITS, _COUNTER_TICK_S)
         client.laser_on()
-        self._request = b"MS%04d%04d010" % (p.first_step, p.last_step)  # every step, every scan
-        client.ask(self._request.decode("ascii") + "00")  # until QT
+        request = f"{'MS' if characters == 2 else 'MD'}{p.first_step:04d}{p.last_step:04d}010"  # every step, every scan
+        self._request = request.encode("ascii")
+        client.begin_stream(request + "00")  # until QT
 
     def _restart(self) -> None:
         before = self._parameters
         self._start(min(self._config.start_up_s, _RESTART_S))
         if self._parameters != before:
             self._parameters = before
-            raise DeviceError(f"scanner at {self._config.port}: another scanner is connected; start the app again")
+            raise DeviceError(f"{self._name}: another scanner is connected; start the app again")
         self._reopening.found()
 
     def _drop(self) -> None:
@@ -137,13 +169,12 @@ class Ubg04lx:
             client.close()
 
     def _newest(self, timeout_s: float) -> _Scan | None:
-        assert self._client is not None
         now_s = self._clock.now_s()
         due_s = now_s + timeout_s
         if now_s - self._last_read_s > self._config.silence_s / 2:
             self._good_s = now_s  # nobody has listened meanwhile; that is not the scanner's silence
         while True:
-            blocks = self._client.receive(due_s - now_s)
+            blocks = self._transport.receive(due_s - now_s)
             scan = self._newest_of(blocks or [])
             self._last_read_s = now_s = self._clock.now_s()
             if scan is not None:
@@ -155,7 +186,7 @@ class Ubg04lx:
 
     def _check_silence(self, now_s: float) -> None:
         if now_s - self._good_s > self._config.silence_s:
-            raise DeviceError(f"scanner at {self._config.port}: no good scan any more; are cable and supply in order?")
+            raise DeviceError(f"{self._name}: no good scan any more; are cable and supply in order?")
 
     def _newest_of(self, blocks: list[bytes]) -> _Scan | None:
         arrived_s = self._clock.now_s()
@@ -182,20 +213,23 @@ class Ubg04lx:
         return _Scan(self._arrival.arrival_s(device_s, arrived_s), block.values)
 
     def _judge(self, status: bytes) -> None:
-        if status in {OK, RESUMED}:
+        if status in {OK, RESUMED, UNSTABLE}:
             return
-        text = f"scanner at {self._config.port}: {status_name('MS', status)}"
+        text = f"{self._name}: {status_name('MS', status)}"
         if status.isdigit() and int(status) in _HARDWARE_TROUBLE:
             raise DeviceError(text)
         _log.warning("%s", text)
 
     def _raw(self, scan: _Scan) -> RawScan:
         ranges_m = (scan.values_mm / 1000).astype(np.float32)
-        ranges_m[scan.values_mm < self._parameters.range_min_mm] = np.nan  # these are error codes
+        p = self._parameters  # outside of its range there are codes: errors below, "nothing there" above
+        ranges_m[(scan.values_mm < p.range_min_mm) | (scan.values_mm > p.range_max_mm)] = np.nan
         sweep_s = (self._parameters.beams - 1) * self._geometry.beam_interval_s
         return RawScan(scan.arrived_s - self._transfer_s() - sweep_s, ranges_m)
 
     def _transfer_s(self) -> float:
+        if self._config.address:
+            return _TCP_TRANSFER_S
         if self._is_usb:
             return _USB_TRANSFER_S
         return self._decoder.reply_bytes * _BITS_PER_BYTE / self._baud_rates.now

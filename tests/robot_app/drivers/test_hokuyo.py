@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from robot_app.drivers.base import DeviceError, RawScan
 from robot_app.drivers.config import ScannerConfig
-from robot_app.drivers.ubg04lx import Ubg04lx
+from robot_app.drivers.hokuyo import HokuyoScanner
 from shared.runtime.clock import ManualClock, MonotonicClock
 from tools.simulator.devices.pty_server import PtyServer
 from tools.simulator.devices.scip_sensor import UBG_04LX, CapturedSensor, Mode, ScipSensor, read_session, scan_reply
@@ -24,7 +24,7 @@ def config(server: PtyServer, **changes: float) -> ScannerConfig:
     return ScannerConfig(server.port, **{"silence_s": 0.2, "reopen_every_s": 0.001, "start_up_s": 3.0} | changes)
 
 
-def read(scanner: Ubg04lx) -> RawScan:
+def read(scanner: HokuyoScanner) -> RawScan:
     scan = scanner.read(PATIENCE_S)
     assert scan is not None
     return scan
@@ -37,7 +37,7 @@ def expected_m(values_mm: Values) -> Values:
 def test_scans_arrive_as_they_were_measured(plug, clock: MonotonicClock, values_mm: Values) -> None:
     sensor = ScipSensor(values_mm)
     server = plug(sensor)
-    scanner = Ubg04lx(config(server), clock)
+    scanner = HokuyoScanner(config(server), clock)
     server.send(sensor.scan(values_mm[::-1]))
     scan = read(scanner)
     assert scan.ranges_m.dtype == np.float32
@@ -48,7 +48,7 @@ def test_scans_arrive_as_they_were_measured(plug, clock: MonotonicClock, values_
 
 
 def test_the_geometry_is_what_the_scanner_says(plug, clock: MonotonicClock, values_mm: Values) -> None:
-    scanner = Ubg04lx(config(plug(ScipSensor(values_mm)), x_m=0.2), clock)
+    scanner = HokuyoScanner(config(plug(ScipSensor(values_mm)), x_m=0.2), clock)
     geometry = scanner.geometry
     assert math.degrees(geometry.first_angle_rad) == pytest.approx(-119.53, abs=0.01)
     assert math.degrees(geometry.angles_rad(682)[-1]) == pytest.approx(119.88, abs=0.01)
@@ -62,7 +62,7 @@ def test_a_real_urg_04lx_is_opened_by_its_captured_bytes(
     plug, clock: MonotonicClock, scip_data: Path, values_mm: Values
 ) -> None:
     sensor = CapturedSensor(read_session(scip_data, "example_urg_04lx"), values_mm)
-    scanner = Ubg04lx(config(plug(sensor)), clock)
+    scanner = HokuyoScanner(config(plug(sensor)), clock)
     assert scanner.identity.product == "SOKUIKI Sensor URG-04LX"
     assert scanner.identity.serial == "H0706400"
     assert scanner.identity.state == "Sensor works well."
@@ -75,7 +75,7 @@ def test_the_stamp_is_that_of_beam_zero(plug, values_mm: Values) -> None:
     clock = ManualClock(100.0)
     sensor = ScipSensor(values_mm)
     server = plug(sensor)
-    scanner = Ubg04lx(config(server, baud_rate=500_000), clock)
+    scanner = HokuyoScanner(config(server, baud_rate=500_000), clock)
     clock.advance(0.028)
     server.send(sensor.scan(values_mm))
     scan = read(scanner)
@@ -88,7 +88,7 @@ def test_a_scan_that_was_read_late_keeps_its_stamp(plug, values_mm: Values) -> N
     clock = ManualClock(100.0)
     sensor = ScipSensor(values_mm)
     server = plug(sensor)
-    scanner = Ubg04lx(config(server), clock)
+    scanner = HokuyoScanner(config(server), clock)
     clock.advance(0.028)
     server.send(sensor.scan(values_mm))
     first = read(scanner)
@@ -101,14 +101,14 @@ def test_a_scan_that_was_read_late_keeps_its_stamp(plug, values_mm: Values) -> N
 def test_only_the_newest_of_several_scans_is_returned(plug, clock: MonotonicClock, values_mm: Values) -> None:
     sensor = ScipSensor(values_mm)
     server = plug(sensor)
-    scanner = Ubg04lx(config(server), clock)
+    scanner = HokuyoScanner(config(server), clock)
     server.send(sensor.scan(values_mm) + sensor.scan(np.full(682, 1234)))  # both fit into the line's buffer
     assert np.all(read_until(scanner, 1.234))
     assert scanner.counters.corrupt == 0
     scanner.close()
 
 
-def read_until(scanner: Ubg04lx, range_m: float) -> NDArray[np.bool_]:
+def read_until(scanner: HokuyoScanner, range_m: float) -> NDArray[np.bool_]:
     for _ in range(10):
         scan = read(scanner)
         if scan.ranges_m[100] == np.float32(range_m):
@@ -119,7 +119,7 @@ def read_until(scanner: Ubg04lx, range_m: float) -> NDArray[np.bool_]:
 def test_a_scan_that_dribbles_in_is_put_together(plug, clock: MonotonicClock, values_mm: Values) -> None:
     sensor = ScipSensor(values_mm)
     server = plug(sensor)
-    scanner = Ubg04lx(config(server, silence_s=5.0), clock)
+    scanner = HokuyoScanner(config(server, silence_s=5.0), clock)
     data = sensor.scan(np.full(682, 999))
     for i in range(len(data) - 1):
         server.send(data[i : i + 1])
@@ -136,7 +136,7 @@ def test_a_spoilt_scan_is_dropped_and_the_next_one_read(
 ) -> None:
     sensor = ScipSensor(values_mm)
     server = plug(sensor)
-    scanner = Ubg04lx(config(server, silence_s=5.0), clock)
+    scanner = HokuyoScanner(config(server, silence_s=5.0), clock)
     bad = sensor.scan(values_mm)
     spoilt = {
         "cut": bad[:700] + b"\n\n",
@@ -158,7 +158,7 @@ def test_a_scanner_in_any_state_is_brought_to_stream(
     server = plug(sensor)
     if mode is Mode.STREAMING:
         server.send(sensor.scan(values_mm)[300:] + sensor.scan(values_mm))
-    scanner = Ubg04lx(config(server), clock)
+    scanner = HokuyoScanner(config(server), clock)
     assert sensor.mode is Mode.STREAMING
     scanner.close()
 
@@ -168,7 +168,7 @@ def test_a_half_written_command_of_an_earlier_program_does_no_harm(
 ) -> None:
     sensor = ScipSensor(values_mm)
     sensor.receive(b"MD0044")
-    scanner = Ubg04lx(config(plug(sensor)), clock)
+    scanner = HokuyoScanner(config(plug(sensor)), clock)
     assert sensor.mode is Mode.STREAMING
     scanner.close()
 
@@ -176,7 +176,7 @@ def test_a_half_written_command_of_an_earlier_program_does_no_harm(
 def test_a_scanner_at_another_rate_is_found_and_set(plug, clock: MonotonicClock, values_mm: Values) -> None:
     sensor = ScipSensor(values_mm)
     server = plug(sensor, lambda: sensor.baud_rate or 19_200)
-    scanner = Ubg04lx(config(server, baud_rate=500_000, answer_timeout_s=0.1), clock)
+    scanner = HokuyoScanner(config(server, baud_rate=500_000, answer_timeout_s=0.1), clock)
     assert b"SS500000" in sensor.requests
     server.send(sensor.scan(values_mm))
     np.testing.assert_array_equal(read(scanner).ranges_m, expected_m(values_mm))
@@ -186,12 +186,12 @@ def test_a_scanner_at_another_rate_is_found_and_set(plug, clock: MonotonicClock,
 def test_closing_switches_the_laser_off(plug, clock: MonotonicClock, values_mm: Values) -> None:
     sensor = ScipSensor(values_mm)
     server = plug(sensor)
-    scanner = Ubg04lx(config(server), clock)
+    scanner = HokuyoScanner(config(server), clock)
     scanner.close()
     scanner.close()
     with pytest.raises(DeviceError, match="closed"):
         scanner.read(0.0)
-    again = Ubg04lx(config(server), clock)  # the lock of the port is gone as well
+    again = HokuyoScanner(config(server), clock)  # the lock of the port is gone as well
     assert sensor.requests.count(b"BM") == 2
     again.close()
 
@@ -200,7 +200,7 @@ def test_a_silent_scanner_is_lost_and_opened_again(plug, values_mm: Values) -> N
     clock = ManualClock()
     sensor = ScipSensor(values_mm)
     server = plug(sensor)
-    scanner = Ubg04lx(config(server, reopen_every_s=1.0), clock)
+    scanner = HokuyoScanner(config(server, reopen_every_s=1.0), clock)
     for _ in range(2):
         assert scanner.read(0.0) is None
         clock.advance(0.09)
@@ -222,7 +222,7 @@ def test_garbage_for_ever_is_a_lost_scanner(plug, values_mm: Values) -> None:
     clock = ManualClock()
     sensor = ScipSensor(values_mm)
     server = plug(sensor)
-    scanner = Ubg04lx(config(server), clock)
+    scanner = HokuyoScanner(config(server), clock)
     with pytest.raises(DeviceError, match="no good scan"):
         for _ in range(10):
             server.send(b"\xa5" * 900)
@@ -234,7 +234,7 @@ def test_garbage_for_ever_is_a_lost_scanner(plug, values_mm: Values) -> None:
 
 def test_unplugging_is_an_error_that_names_the_port(plug, clock: MonotonicClock, values_mm: Values) -> None:
     server = plug(ScipSensor(values_mm))
-    scanner = Ubg04lx(config(server), clock)
+    scanner = HokuyoScanner(config(server), clock)
     server.unplug()
     for _ in range(3):
         with pytest.raises(DeviceError, match=r"scanner at /dev/pts/\d+"):
@@ -246,7 +246,7 @@ def test_a_scanner_that_lost_its_power_is_found_at_its_old_rate(plug, values_mm:
     clock = ManualClock()
     sensor = ScipSensor(values_mm)
     server = plug(sensor, lambda: sensor.baud_rate or 19_200)
-    scanner = Ubg04lx(config(server, baud_rate=500_000, answer_timeout_s=0.1), clock)
+    scanner = HokuyoScanner(config(server, baud_rate=500_000, answer_timeout_s=0.1), clock)
     sensor.mode, sensor.baud_rate = Mode.IDLE, None
     clock.advance(0.05)
     scanner.read(0.0)
@@ -266,7 +266,7 @@ def test_a_scanner_that_lost_its_power_is_found_at_its_old_rate(plug, values_mm:
 def test_another_scanner_at_the_port_is_refused_for_ever(plug, values_mm: Values) -> None:
     clock = ManualClock()
     sensor = ScipSensor(values_mm)
-    scanner = Ubg04lx(config(plug(sensor)), clock)
+    scanner = HokuyoScanner(config(plug(sensor)), clock)
     sensor.become((*UBG_04LX[:5], ("AMAX", "700"), *UBG_04LX[6:]), values_mm[:657])
     clock.advance(0.09)
     scanner.read(0.0)
@@ -288,7 +288,7 @@ def test_a_scanner_that_is_plugged_in_again_is_found(plug, tmp_path: Path, value
     first = plug(ScipSensor(values_mm))
     port = tmp_path / "usb-Hokuyo"
     port.symlink_to(first.port)
-    scanner = Ubg04lx(ScannerConfig(str(port), reopen_every_s=0.5), clock)
+    scanner = HokuyoScanner(ScannerConfig(str(port), reopen_every_s=0.5), clock)
     first.unplug()
     port.unlink()
     for _ in range(3):
@@ -308,7 +308,7 @@ def test_nobody_listening_is_not_silence(plug, values_mm: Values) -> None:
     clock = ManualClock()
     sensor = ScipSensor(values_mm)
     server = plug(sensor)
-    scanner = Ubg04lx(config(server), clock)
+    scanner = HokuyoScanner(config(server), clock)
     clock.advance(60.0)  # the kernels were compiled; meanwhile the line's buffer ran over
     server.send(sensor.scan(values_mm)[:900] + sensor.scan(values_mm)[200:700])
     assert scanner.read(0.0) is None
@@ -321,7 +321,7 @@ def test_nobody_listening_is_not_silence(plug, values_mm: Values) -> None:
 def test_hardware_trouble_is_named(plug, clock: MonotonicClock, values_mm: Values) -> None:
     sensor = ScipSensor(values_mm)
     server = plug(sensor)
-    scanner = Ubg04lx(config(server), clock)
+    scanner = HokuyoScanner(config(server), clock)
     server.send(scan_reply(b"MS0044072501000", 0, values_mm, status=b"55"))
     with pytest.raises(DeviceError, match="55: hardware trouble"):
         scanner.read(PATIENCE_S)
@@ -331,7 +331,7 @@ def test_hardware_trouble_is_named(plug, clock: MonotonicClock, values_mm: Value
 def test_a_scanner_that_checks_itself_is_waited_for(plug, clock: MonotonicClock, values_mm: Values) -> None:
     sensor = ScipSensor(values_mm)
     server = plug(sensor)
-    scanner = Ubg04lx(config(server, silence_s=5.0), clock)
+    scanner = HokuyoScanner(config(server, silence_s=5.0), clock)
     checking, resumed = (scan_reply(b"MS0044072501000", 0, values_mm, status=s) for s in (b"21", b"98"))
     server.send(checking[:40] + b"\n\n" + resumed[:40] + b"\n\n" + sensor.scan(np.full(682, 888)))
     assert np.all(read(scanner).ranges_m == np.float32(0.888))
@@ -342,38 +342,38 @@ def test_a_faulty_laser_refuses_to_open(plug, clock: MonotonicClock, values_mm: 
     sensor = ScipSensor(values_mm)
     sensor.refusals[b"BM"] = b"01"
     with pytest.raises(DeviceError, match="BM was refused, 01: the laser is faulty"):
-        Ubg04lx(config(plug(sensor)), clock)
+        HokuyoScanner(config(plug(sensor)), clock)
 
 
 def test_parameters_that_make_no_sense_are_refused(plug, clock: MonotonicClock, values_mm: Values) -> None:
     without_front = tuple(f for f in UBG_04LX if f[0] != "AFRT")
     with pytest.raises(DeviceError, match="no AFRT"):
-        Ubg04lx(config(plug(ScipSensor(values_mm, without_front))), clock)
+        HokuyoScanner(config(plug(ScipSensor(values_mm, without_front))), clock)
     backwards = (*without_front, ("AFRT", "5"))
     with pytest.raises(DeviceError, match="make no sense"):
-        Ubg04lx(config(plug(ScipSensor(values_mm, backwards))), clock)
+        HokuyoScanner(config(plug(ScipSensor(values_mm, backwards))), clock)
 
 
 def test_nobody_at_the_port_is_an_error(plug, clock: MonotonicClock, values_mm: Values) -> None:
     server = plug(ScipSensor(values_mm))
     server.is_silent = True
     with pytest.raises(DeviceError, match="no scanner answers"):
-        Ubg04lx(config(server, answer_timeout_s=0.01), clock)
+        HokuyoScanner(config(server, answer_timeout_s=0.01), clock)
 
 
 def test_a_scanner_without_scans_is_an_error(plug, clock: MonotonicClock) -> None:
     with pytest.raises(DeviceError, match="sends no scans"):
-        Ubg04lx(config(plug(ScipSensor(None)), start_up_s=0.05), clock)
+        HokuyoScanner(config(plug(ScipSensor(None)), start_up_s=0.05), clock)
 
 
 def test_a_missing_port_is_named(clock: MonotonicClock) -> None:
     with pytest.raises(DeviceError, match="/dev/ttyACM77: there is no such port"):
-        Ubg04lx(ScannerConfig("/dev/ttyACM77"), clock)
+        HokuyoScanner(ScannerConfig("/dev/ttyACM77"), clock)
 
 
 def test_a_port_in_use_is_named(plug, clock: MonotonicClock, values_mm: Values) -> None:
     server = plug(ScipSensor(values_mm))
-    scanner = Ubg04lx(config(server), clock)
+    scanner = HokuyoScanner(config(server), clock)
     with pytest.raises(DeviceError, match="another program uses it"):
-        Ubg04lx(config(server), clock)
+        HokuyoScanner(config(server), clock)
     scanner.close()
