@@ -16,34 +16,20 @@ _LONG = 1 << 20  # tiles along a side of the largest map
 
 
 class FlatWalls:
-    """Fits lines tile by tile; a tile whose cells are as they were is not fitted again, which changes nothing else."""
+    """Fits lines tile by tile, so that new cells somewhere change nothing elsewhere."""
 
     def __init__(self, config: SurfaceConfig, reference: ReferenceConfig, fitter: LineFitter) -> None:
         self._config = config
         self._reference = reference
         self._fitter = fitter
-        self._known: dict[int, tuple[bytes, FloatArray]] = {}
 
     def lines_m(self, nodes_m: FloatArray, reference_m: FloatArray, cell_m: float) -> FloatArray:
         """(R, 2, 2) through those of the occupied cells, (N, 2), that do not lie along a line of `reference_m`."""
         labels = np.zeros(len(reference_m), np.int64)
         rest_m = nodes_m[nearest_clusters(nodes_m, reference_m, labels, self._config.join_m) < 0]
         tile = np.floor(rest_m / self._config.tile_m).astype(np.int64) @ np.array([1, _LONG])
-        order = np.argsort(tile, kind="stable")
-        rest_m, tile = rest_m[order], tile[order]
-        names, first = np.unique(tile, return_index=True)
-        now: dict[int, tuple[bytes, FloatArray]] = {}
-        for name, begin, end in zip(names.tolist(), first, np.append(first[1:], len(tile))[: len(first)], strict=True):
-            cells_m = rest_m[begin:end]
-            content = cells_m.tobytes()
-            known = self._known.get(name)
-            now[name] = known if known is not None and known[0] == content else (content, self._fit(cells_m, cell_m))
-        self._known = now
-        found = [lines for _, lines in now.values()]
-        return _continued(np.concatenate(found), self._reference) if found else np.zeros((0, 2, 2))
-
-    def _fit(self, cells_m: FloatArray, cell_m: float) -> FloatArray:
-        return self._fitter.fit(cells_m, np.zeros(len(cells_m), np.int64), cell_m)[0]
+        found_m = self._fitter.fit(rest_m, tile - tile.min(initial=0), cell_m)[0]
+        return _continued(found_m, self._reference)
 
 
 def _continued(lines_m: FloatArray, config: ReferenceConfig) -> FloatArray:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,18 +17,93 @@ from station_gui.mapping.objects.reference import coordinates, directions
 from station_gui.mapping.objects.wires import Wires
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 _NEAR_M = 0.04  # an edge so near a line stands on it
 _SHORTEST_M = 0.03
 _LEVEL_M = 0.04  # fronts beside one another whose heights differ by less are one
+_NO_PAIRS = np.zeros((0, 2), np.int64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Front:
-    """`ends_m`: (2, 2) from above; `height_m` is not a number where nothing tells.
+class Fronts:
+    """`ends_m`: (F, 2, 2) from above; `heights_m`: (F,), not a number where nothing tells.
 
-    `rails`, `posts`: the edges on it. `capped`: whether a level edge lies along its top. `corners`: (2,) whether it
-    ends where nothing hides it from the 2D scanner and the level edge ends too.
+    `rails`, `posts`: (K, 2), a front and the index of an edge that is of the same object. `outlines_m`: (O, 2, 3) edges
+    of fronts that no camera saw: on the floor, between two upright ones and at a corner of the 2D map; `outline_of`:
+    (O,) the front of each.
+    """
+
+    ends_m: FloatArray
+    heights_m: FloatArray
+    rails: IntArray
+    posts: IntArray
+    outlines_m: FloatArray
+    outline_of: IntArray
+
+
+class FrontFinder:
+    """Along each line of the 2D map. A line whose edges are as they were is not looked at again."""
+
+    def __init__(self, config: SurfaceConfig) -> None:
+        self._config = config
+        self._known: dict[bytes, Fronts] = {}
+
+    def fronts_of(self, lines_m: FloatArray, wires: Wires) -> Fronts:
+        """One line, (R, 2, 2), after the other."""
+        reach_m = max(_NEAR_M, self._config.join_m)
+        along, length_m = directions(lines_m)
+        posts_at, posts_off = coordinates(wires.posts_m[:, 0, :2], lines_m, along)
+        rails_at, rails_off = coordinates(wires.rails_m[:, :, :2].reshape(-1, 2), lines_m, along)
+        shape = len(wires.rails_m), 2, len(lines_m)
+        rails_at, rails_off = rails_at.reshape(shape), rails_off.reshape(shape)
+        posts_near = (np.abs(posts_off) <= reach_m) & (posts_at > -reach_m) & (posts_at < length_m + reach_m)
+        rails_near = (
+            (np.abs(rails_off).max(axis=1) <= _NEAR_M) & (rails_at.min(axis=1) < length_m) & (rails_at.max(axis=1) > 0)
+        )
+        now: dict[bytes, Fronts] = {}
+        found: list[Fronts] = []
+        for r, line_m in enumerate(lines_m):
+            posts, rails = np.flatnonzero(posts_near[:, r]), np.flatnonzero(rails_near[:, r])
+            posts_m, rails_m = wires.posts_m[posts], wires.rails_m[rails]
+            key = len(posts).to_bytes(4) + line_m.tobytes() + posts_m.tobytes() + rails_m.tobytes()
+            known = self._known.get(key)
+            now[key] = self._along(line_m, Wires(posts_m, rails_m)) if known is None else known
+            found.append(_numbered(now[key], posts, rails))
+        self._known = now
+        return _in_a_row(found)
+
+    def _along(self, line_m: FloatArray, wires: Wires) -> Fronts:
+        """`wires`: the edges at this line, (2, 2), alone."""
+        along, length_m = directions(line_m[None])
+        posts_at, posts_off = (
+            each[:, 0].tolist() for each in coordinates(wires.posts_m[:, 0, :2], line_m[None], along)
+        )
+        rails_at = coordinates(wires.rails_m[:, :, :2].reshape(-1, 2), line_m[None], along)[0].reshape(-1, 2).tolist()
+        line = _Line(
+            line_m[0],
+            along[0],
+            float(length_m[0]),
+            [
+                _Post(p, at, z0 <= self._config.floor_m, z1)
+                for p, (at, off, (z0, z1)) in enumerate(
+                    zip(posts_at, posts_off, wires.posts_m[:, :, 2].tolist(), strict=True)
+                )
+                if abs(off) <= _NEAR_M
+            ],
+            [
+                _Rail(k, min(ends), max(ends), height_m)
+                for k, (ends, height_m) in enumerate(zip(rails_at, wires.heights_m().tolist(), strict=True))
+            ],
+        )
+        return _arrays(line.fronts(self._config.join_m), wires.posts_m, self._config.join_m)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Front:
+    """`rails`, `posts`: the edges on it. `capped`: whether a level edge lies along its top.
+
+    `corners`: (2,) whether it ends where nothing hides it from the 2D scanner and the level edge ends too.
     """
 
     ends_m: FloatArray
@@ -38,45 +113,57 @@ class Front:
     capped: bool
     corners: tuple[bool, bool]
 
+    def outlines_m(self, posts_m: FloatArray, join_m: float) -> list[FloatArray]:
+        """(2, 3) each, the edges that no camera saw."""
+        bottom = np.column_stack((self.ends_m, np.zeros(2)))
+        top = np.column_stack((self.ends_m, np.full(2, self.height_m)))
+        edges = [bottom] if self.capped else [bottom, top]
+        for end in range(2):
+            beside = np.hypot(*(posts_m[:, 0, :2] - self.ends_m[end]).T)
+            if self.corners[end] and not (beside <= join_m).any():
+                edges.append(np.array([bottom[end], top[end]]))
+        return edges
 
-def fronts_of(lines_m: FloatArray, wires: Wires, config: SurfaceConfig) -> list[Front]:
-    """Along each line, (R, 2, 2)."""
-    if len(lines_m) == 0:
-        return []
-    along, length_m = directions(lines_m)
-    posts_at, posts_off = coordinates(wires.posts_m[:, 0, :2], lines_m, along)
-    rails_at, rails_off = coordinates(wires.rails_m[:, :, :2].reshape(-1, 2), lines_m, along)
-    rails_at, rails_off = rails_at.reshape(-1, 2, len(lines_m)), rails_off.reshape(-1, 2, len(lines_m))
-    posts_near = (np.abs(posts_off) <= _NEAR_M) & (posts_at > -config.join_m) & (posts_at < length_m + config.join_m)
-    rails_near = (
-        (np.abs(rails_off).max(axis=1) <= _NEAR_M) & (rails_at.min(axis=1) < length_m) & (rails_at.max(axis=1) > 0)
+
+def _arrays(fronts: list[_Front], posts_m: FloatArray, join_m: float) -> Fronts:
+    known = [(k, front) for k, front in enumerate(fronts) if not math.isnan(front.height_m)]
+    rails = [(k, rail) for k, front in known for rail in sorted(front.rails)]
+    posts = [
+        (k, post)
+        for k, front in known
+        for post in sorted(front.posts)
+        if abs(posts_m[post, 1, 2] - front.height_m) <= join_m
+    ]
+    outlines = [(k, edge) for k, front in known for edge in front.outlines_m(posts_m, join_m)]
+    return Fronts(
+        np.array([front.ends_m for front in fronts]).reshape(-1, 2, 2),
+        np.array([front.height_m for front in fronts]),
+        np.array(rails, np.int64).reshape(-1, 2),
+        np.array(posts, np.int64).reshape(-1, 2),
+        np.array([edge for _, edge in outlines]).reshape(-1, 2, 3),
+        np.array([k for k, _ in outlines], np.int64),
     )
-    bare = ~(posts_near.any(axis=0) | rails_near.any(axis=0))
-    fronts = [_flat(line_m) for line_m in lines_m[bare]]
-    heights_m = wires.heights_m().tolist()
-    for r in np.flatnonzero(~bare).tolist():
-        posts, rails = np.flatnonzero(posts_near[:, r]), np.flatnonzero(rails_near[:, r])
-        line = _Line(
-            lines_m[r, 0],
-            along[r],
-            float(length_m[r]),
-            [
-                _Post(p, at, z0 <= config.floor_m, z1)
-                for p, at, (z0, z1) in zip(
-                    posts.tolist(), posts_at[posts, r].tolist(), wires.posts_m[posts, :, 2].tolist(), strict=True
-                )
-            ],
-            [
-                _Rail(k, min(ends), max(ends), heights_m[k])
-                for k, ends in zip(rails.tolist(), rails_at[rails, :, r].tolist(), strict=True)
-            ],
-        )
-        fronts += line.fronts(config.join_m)
-    return fronts
 
 
-def _flat(ends_m: FloatArray) -> Front:
-    return Front(ends_m, math.nan, frozenset(), frozenset(), capped=False, corners=(False, False))
+def _numbered(fronts: Fronts, posts: IntArray, rails: IntArray) -> Fronts:
+    """With the edges' indices in the whole map."""
+    return replace(
+        fronts,
+        rails=np.column_stack((fronts.rails[:, 0], rails[fronts.rails[:, 1]])),
+        posts=np.column_stack((fronts.posts[:, 0], posts[fronts.posts[:, 1]])),
+    )
+
+
+def _in_a_row(parts: list[Fronts]) -> Fronts:
+    first = np.cumsum([0, *(len(part.heights_m) for part in parts)])[:-1].tolist()
+    return Fronts(
+        np.concatenate([np.zeros((0, 2, 2)), *(part.ends_m for part in parts)]),
+        np.concatenate([np.zeros(0), *(part.heights_m for part in parts)]),
+        np.concatenate([_NO_PAIRS, *(part.rails + np.array([at, 0]) for part, at in zip(parts, first, strict=True))]),
+        np.concatenate([_NO_PAIRS, *(part.posts + np.array([at, 0]) for part, at in zip(parts, first, strict=True))]),
+        np.concatenate([np.zeros((0, 2, 3)), *(part.outlines_m for part in parts)]),
+        np.concatenate([_NO_PAIRS[:, 0], *(part.outline_of + at for part, at in zip(parts, first, strict=True))]),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,10 +194,10 @@ class _Line:
     posts: list[_Post]
     rails: list[_Rail]
 
-    def fronts(self, join_m: float) -> list[Front]:
+    def fronts(self, join_m: float) -> list[_Front]:
         """From one end to the other; neighbours of the same height are one."""
         cuts = self._cuts(join_m)
-        found: list[Front] = []
+        found: list[_Front] = []
         for low, high in itertools.pairwise(cuts):
             if high - low < _SHORTEST_M:
                 continue
@@ -120,7 +207,7 @@ class _Line:
             found.append(front)
         return found
 
-    def _front(self, low: float, high: float, join_m: float) -> Front:
+    def _front(self, low: float, high: float, join_m: float) -> _Front:
         middle = (low + high) / 2
         over = [rail for rail in self.rails if rail.low_m <= middle <= rail.high_m]
         left = [post for post in self.posts if abs(post.at_m - low) <= join_m]
@@ -135,7 +222,7 @@ class _Line:
             )
         elif any(post.stands for post in left) and any(post.stands for post in right):
             height_m = min(max(post.top_m for post in side) for side in (left, right))
-        return Front(
+        return _Front(
             self.start_m + np.array([[low], [high]]) * self.along,
             height_m,
             frozenset(rail.index for rail in over),
@@ -156,14 +243,14 @@ class _Line:
         return sorted(cuts)
 
 
-def _continues(a: Front, b: Front) -> bool:
+def _continues(a: _Front, b: _Front) -> bool:
     if math.isnan(a.height_m) or math.isnan(b.height_m):
         return math.isnan(a.height_m) and math.isnan(b.height_m)
     return bool(a.rails & b.rails) and abs(a.height_m - b.height_m) <= _LEVEL_M
 
 
-def _together(a: Front, b: Front) -> Front:
-    return Front(
+def _together(a: _Front, b: _Front) -> _Front:
+    return _Front(
         np.array([a.ends_m[0], b.ends_m[1]]),
         max(a.height_m, b.height_m),
         a.rails | b.rails,

@@ -83,8 +83,8 @@ def _on_corners(points_m: FloatArray, lines_m: FloatArray, config: ReferenceConf
 
 def coordinates(points_m: FloatArray, lines_m: FloatArray, along: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(N, R) each: how far along each line a point lies and how far beside it."""
-    away = points_m[:, None] - lines_m[None, :, 0]
-    return (away * along).sum(axis=2), along[:, 0] * away[..., 1] - along[:, 1] * away[..., 0]
+    x_m, y_m = (points_m[:, k, None] - lines_m[:, 0, k] for k in range(2))
+    return x_m * along[:, 0] + y_m * along[:, 1], along[:, 0] * y_m - along[:, 1] * x_m
 
 
 def directions(lines_m: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -90,14 +90,20 @@ def _expand(
 ) -> tuple[int, int]:  # fmt: skip
     """Add all lines that a core reaches; returns the new size and the objects that came."""
     at = members[core]
-    low = min(ends_m[at, 0, 0], ends_m[at, 1, 0]) - eps_m - longest
+    first = min(ends_m[at, 0, 0], ends_m[at, 1, 0]) - eps_m
     high = max(ends_m[at, 0, 0], ends_m[at, 1, 0]) + eps_m
+    below = min(ends_m[at, 0, 1], ends_m[at, 1, 1]) - eps_m
+    above = max(ends_m[at, 0, 1], ends_m[at, 1, 1]) + eps_m
     added = 0
-    for k in range(_first_from(ends_m, order, low), len(order)):
+    for k in range(_first_from(ends_m, order, first - longest), len(order)):
         j = order[k]
         if min(ends_m[j, 0, 0], ends_m[j, 1, 0]) > high:
             break
-        if labels[j] != -2 or turn_rad(ends_m[j], ends_m[at]) > theta_th:
+        if labels[j] != -2 or max(ends_m[j, 0, 0], ends_m[j, 1, 0]) < first:
+            continue
+        if min(ends_m[j, 0, 1], ends_m[j, 1, 1]) > above or max(ends_m[j, 0, 1], ends_m[j, 1, 1]) < below:
+            continue
+        if turn_rad(ends_m[j], ends_m[at]) > theta_th:
             continue
         if line_distance(ends_m[j], ends_m[at], offset_weight) <= eps_m:
             labels[j] = label
@@ -122,19 +128,41 @@ def _first_from(ends_m: F64, order: I64, low: float) -> int:
 
 
 @njit(nogil=True, cache=True)
-def nearest_cluster(points_m: F64, ends_m: F64, labels: I64, reach_m: float, owner: I64) -> None:
-    """Write into `owner` (M,) the cluster of the line nearest to each point, -1 where none is within `reach_m`."""
-    for i in range(len(points_m)):
-        owner[i] = -1
-        nearest = reach_m
-        for j in range(len(ends_m)):
-            if labels[j] < 0:
-                continue
-            low_x = min(ends_m[j, 0, 0], ends_m[j, 1, 0]) - reach_m
-            high_x = max(ends_m[j, 0, 0], ends_m[j, 1, 0]) + reach_m
+def nearest_cluster(
+    points_m: F64, order: I64, ends_m: F64, labels: I64, reach_m: float, nearest_m: F64, owner: I64
+) -> None:
+    """Write into `owner` (M,) the cluster of the line nearest to each point, -1 where none is within `reach_m`.
+
+    `order`: (M,) of the points by y. `nearest_m`: (M,) room to work in.
+    """
+    owner[:] = -1
+    nearest_m[:] = reach_m
+    for j in range(len(ends_m)):
+        if labels[j] < 0:
+            continue
+        low_x = min(ends_m[j, 0, 0], ends_m[j, 1, 0]) - reach_m
+        high_x = max(ends_m[j, 0, 0], ends_m[j, 1, 0]) + reach_m
+        high_y = max(ends_m[j, 0, 1], ends_m[j, 1, 1]) + reach_m
+        for k in range(_first_above(points_m, order, min(ends_m[j, 0, 1], ends_m[j, 1, 1]) - reach_m), len(order)):
+            i = order[k]
+            if points_m[i, 1] > high_y:
+                break
             if points_m[i, 0] < low_x or points_m[i, 0] > high_x:
                 continue
             distance = point_from_line(points_m[i, 0], points_m[i, 1], ends_m[j], 1.0)
-            if distance <= nearest:
-                nearest = distance
+            if distance <= nearest_m[i]:
+                nearest_m[i] = distance
                 owner[i] = labels[j]
+
+
+@njit(nogil=True, cache=True)
+def _first_above(points_m: F64, order: I64, low: float) -> int:
+    """The first place in `order` whose point's y is not below `low`."""
+    first, last = 0, len(order)
+    while first < last:
+        middle = (first + last) // 2
+        if points_m[order[middle], 1] < low:
+            first = middle + 1
+        else:
+            last = middle
+    return first

@@ -40,6 +40,9 @@ def cluster_lines(ends_m: FloatArray, objects: IntArray, density: Density) -> In
 
 def nearest_clusters(points_m: FloatArray, ends_m: FloatArray, labels: IntArray, reach_m: float) -> IntArray:
     """(M,) the cluster of the line that is nearest to each point, (M, 2); -1 where none is within `reach_m`."""
-    owner = np.full(len(points_m), -1, np.int64)
-    _kernels.nearest_cluster(points_m, np.ascontiguousarray(ends_m), labels, reach_m, owner)
+    owner = np.zeros(len(points_m), np.int64)
+    order = np.argsort(points_m[:, 1], kind="stable")
+    _kernels.nearest_cluster(
+        points_m, order, np.ascontiguousarray(ends_m), labels, reach_m, np.zeros(len(points_m)), owner
+    )
     return owner

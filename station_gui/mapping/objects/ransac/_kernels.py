@@ -111,44 +111,35 @@ def drop_along(points_m: F64, line: F64, reach_m: float) -> int:
 
 @njit(nogil=True, cache=True)
 def fit_lines(
-    points_m: F64, owners: I64, clusters: int, draws: F64, iterations_per_point: float, coarse_m: float, fine_m: float,
-    gap_m: float, least: int, lines_each: int, left_m: F64, near_m: F64, run_m: F64, lines: F64, line_owners: I64,
+    points_m: F64, draws: F64, iterations_per_point: float, coarse_m: float, fine_m: float, gap_m: float, least: int,
+    left_m: F64, near_m: F64, run_m: F64, lines: F64,
 ) -> int:  # fmt: skip
-    """The lines through the points of each cluster, one after the other; returns how many there are.
+    """The lines through the points of a cluster, one after the other, into `lines` (L, 2, 2); returns how many.
 
     RANSAC with the coarse threshold finds a wall, RANSAC among its inliers with the fine one the front of it that most
-    points lie on, least squares its place. A line ends where its points leave a gap. `owners`: (N,) the cluster of
-    each point, -1 for none. `left_m`, `near_m`, `run_m`: (N, 2) room to work in. `lines`: (L, 2, 2) and `line_owners`:
-    (L,) take the result.
+    points lie on, least squares its place. A line ends where its points leave a gap. `left_m`, `near_m`, `run_m`:
+    (N, 2) room to work in.
     """
-    found = 0
-    for cluster in range(clusters):
-        left = 0
-        for j in range(len(points_m)):
-            if owners[j] == cluster:
-                left_m[left, 0], left_m[left, 1] = points_m[j, 0], points_m[j, 1]
-                left += 1
-        for _ in range(lines_each):
-            if left < least or found == len(lines):
-                break
-            line = lines[found]
-            if ransac_line(left_m[:left], draws, math.ceil(iterations_per_point * left), coarse_m, False, line) < least:
-                break
-            near = near_line(left_m[:left], line, coarse_m, near_m)
-            ransac_line(near_m[:near], draws, math.ceil(iterations_per_point * near), fine_m, True, line)
+    found, left = 0, len(points_m)
+    left_m[:left] = points_m
+    while found < len(lines) and left >= least:
+        line = lines[found]
+        if ransac_line(left_m[:left], draws, math.ceil(iterations_per_point * left), coarse_m, False, line) < least:
+            break
+        near = near_line(left_m[:left], line, coarse_m, near_m)
+        ransac_line(near_m[:near], draws, math.ceil(iterations_per_point * near), fine_m, True, line)
+        run = longest_run(near_m[:near], line, fine_m, gap_m, run_m)
+        if run < least:
+            break
+        for _ in range(_REFITS):
+            _refit(run_m[:run], fine_m, line)
             run = longest_run(near_m[:near], line, fine_m, gap_m, run_m)
-            if run < least:
+            if run < 2:
                 break
-            for _ in range(_REFITS):
-                _refit(run_m[:run], fine_m, line)
-                run = longest_run(near_m[:near], line, fine_m, gap_m, run_m)
-                if run < 2:
-                    break
-            if run < least:
-                break
-            left = drop_along(left_m[:left], line, 2.0 * fine_m)
-            line_owners[found] = cluster
-            found += 1
+        if run < least:
+            break
+        left = drop_along(left_m[:left], line, 2.0 * fine_m)
+        found += 1
     return found
 
 
