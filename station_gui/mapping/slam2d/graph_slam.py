@@ -24,6 +24,7 @@ from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
 from station_gui.mapping.slam2d.graph.stored import fill, to_saved
 from station_gui.mapping.slam2d.graph.upkeep import GraphUpkeep
 from station_gui.mapping.slam2d.grid.following_grid import FollowingGrid
+from station_gui.mapping.slam2d.held import HeldScan, HeldScans, is_apart
 from station_gui.mapping.slam2d.keyframes import Keyframe, Placed
 from station_gui.mapping.slam2d.lines import lines_of
 from station_gui.mapping.slam2d.local_map_builder import LocalMapBuilder
@@ -68,6 +69,7 @@ class GraphSlam:
         self._fit = 1.0
         self._surprise = 0.0
         self._admits: Admits = admit_all
+        self._held = HeldScans(config.keyframes)
 
     def add(self, scan: PointScan) -> Pose2:
         """See `Slam.add`. Raises MappingError for a scan that holds anything but finite numbers."""
@@ -135,7 +137,7 @@ class GraphSlam:
         if match.share >= self._config.match.lost_share and np.isfinite(match.pose).all():
             self._pose = match.pose
         self._lost_scans = 0
-        self._add_keyframe(scan, lines)
+        self._add_keyframe(scan, lines, self._pose_in_node())
         return self._added(scan)
 
     def begin_piece(self, scan: PointScan, map_from_robot: Pose2) -> Pose2:
@@ -236,7 +238,7 @@ class GraphSlam:
             self._new_node()
             if enough:
                 self._renew_window()
-                self._add_keyframe(scan, lines)
+                self._add_keyframe(scan, lines, self._pose_in_node())
         elif enough:
             self._start_over(scan, lines)
 
@@ -262,11 +264,19 @@ class GraphSlam:
                 self._start_over(scan, lines)
             return
         if not self._admits(self._fit, self._surprise):
+            self._held.hold(HeldScan(scan, lines, self._pose_in_node(), self._fit))
             return
+        self._admit_held()
         if self._node_is_full():
             self._next_node(match)
-        if self._is_keyframe(len(lines.points_m)):
-            self._add_keyframe(scan, lines)
+        if self._is_keyframe(len(lines.points_m), self._pose_in_node()):
+            self._add_keyframe(scan, lines, self._pose_in_node())
+
+    def _admit_held(self) -> None:
+        """The robot was where it was followed, jumps and all: what fits as is usual by now enters the map."""
+        for held in self._held.release():
+            if self._admits(held.fit, 0.0) and self._is_keyframe(len(held.lines.points_m), held.in_node):
+                self._add_keyframe(held.scan, held.lines, held.in_node)
 
     def _match(self, lines: LineScan, prediction: Prediction) -> Match:
         """Where the match does not deserve belief the prediction stands, with the odometry's own information."""
@@ -327,7 +337,7 @@ class GraphSlam:
         """Of a piece that begins with this scan."""
         self._renew_window()
         self._lost_scans = 0
-        self._add_keyframe(scan, lines)
+        self._add_keyframe(scan, lines, self._pose_in_node())
 
     def _renew_window(self) -> None:
         """All of it at once."""
@@ -347,6 +357,7 @@ class GraphSlam:
         self._local_from_node = self._pose.copy()
         self._by_node.append([])
         self._first_keyframe.append(len(self._keyframes))
+        self._held.release()  # what is held for a node that came to its end unseen is of a robot that was lost
         self._node_way_m = 0.0
         self._node_turn_rad = 0.0
         self._node_misfit = 0.0
@@ -354,17 +365,13 @@ class GraphSlam:
         self._pieces.add_node()
         return self._graph.add_node(pose)
 
-    def _is_keyframe(self, points: int) -> bool:
+    def _is_keyframe(self, points: int, in_node: NDArray[np.float64]) -> bool:
         if points < self._config.match.min_points:
             return False
-        if not self._by_node[self._node]:
-            return True
-        step = between(self._by_node[self._node][-1].in_node, self._pose_in_node())
-        config = self._config.keyframes
-        return bool(np.hypot(step[0], step[1]) >= config.distance_m or abs(step[2]) >= config.turn_rad)
+        keyframes = self._by_node[self._node]
+        return not keyframes or is_apart(self._config.keyframes, keyframes[-1].in_node, in_node)
 
-    def _add_keyframe(self, scan: PointScan, lines: LineScan) -> None:
-        in_node = self._pose_in_node()
+    def _add_keyframe(self, scan: PointScan, lines: LineScan, in_node: NDArray[np.float64]) -> None:
         keyframe = Keyframe(
             scan.stamp_s,
             self._node,
@@ -376,7 +383,7 @@ class GraphSlam:
         self._keyframes.append(keyframe)
         self._keyframe_places.append(self._node, in_node)
         self._by_node[self._node].append(keyframe)
-        self._local.insert(lines, self._pose)
+        self._local.insert(lines, compose(self._local_from_node, in_node))
         self._local.add_pending(keyframe)
 
     def _work(self) -> None:

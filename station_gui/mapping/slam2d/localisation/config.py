@@ -94,6 +94,9 @@ class DoubtConfig:
     longest_scans: int = 30  # after a search that found nothing better
     longest_m: float = 0.3  # driven, for meanwhile the map does not grow, and new places fit worse,
     turn_m: float = 0.6  # with so much for each radian
+    standing_m: float = 0.02  # a robot that has gone no farther stands
+    patience_scans: int = 8  # in doubt: a robot that stands on after these,
+    units_per_step: int = 30_000  # or has jumped while it stood, gets as many units as one that is lost
 
 
 def small_slam() -> GraphSlamConfig:

@@ -21,6 +21,7 @@ from station_gui.mapping.slam2d.localisation.contradiction import Contradiction
 from station_gui.mapping.slam2d.localisation.reference import Reference
 from station_gui.mapping.slam2d.localisation.relocaliser import Relocaliser
 from station_gui.mapping.slam2d.matching.scan_matcher import to_lines
+from station_gui.mapping.slam2d.share import Share, Task
 
 
 class Wariness:
@@ -36,6 +37,7 @@ class Wariness:
         self._odd_scans = 0
         self._calm_scans = 0
         self._way_m = 0.0  # since the first odd scan
+        self._moved_m = 0.0  # the same, with the way to that scan
         self.jumped = False  # farther than odometry allows
 
     def begin(self) -> None:
@@ -58,8 +60,10 @@ class Wariness:
         """The newest scan, whether it entered the map or not; `motion` since the one before, by odometry."""
         config = self._config
         self._rest = max(0, self._rest - 1)
+        way_m = motion.distance_m(Pose2()) + config.turn_m * abs(motion.theta_rad)
+        self._moved_m = self._moved_m + way_m if self.wary else way_m
         if self.wary:
-            self._way_m += motion.distance_m(Pose2()) + config.turn_m * abs(motion.theta_rad)
+            self._way_m += way_m
             if self._way_m > config.longest_m:
                 self.accept(fit)
                 return
@@ -82,6 +86,11 @@ class Wariness:
     def lasting(self) -> bool:
         return self.jumped or self._odd_scans >= self._config.odd_scans
 
+    @property
+    def standing(self) -> bool:
+        """By odometry, since the scan before the first odd one."""
+        return self._moved_m <= self._config.standing_m
+
     def _is_odd(self, fit: float, surprise: float) -> bool:
         if surprise > self._config.jump_sigmas:
             return True
@@ -102,52 +111,76 @@ class Check:
         self._config = config
         self._grid = grid
         self._keyframes, self._poses = inner.keyframes, inner.keyframe_poses()
-        self._contradiction = Contradiction(config.doubt, self._keyframes, self._poses)
-        self._relocaliser: Relocaliser | None = None
+        self._share = Share()
+        self._first_look: Task | None = None
+        self._jumped = False
+        self._reference: Reference | None = None  # once the first look has found reason
         self._everywhere = False
-        self._checked_scans = 0
+        self._relocaliser: Relocaliser | None = None  # once the reference is ready
+        self._scans = 0
+        self._checked_scans = 0  # since the first search has ended
 
-    @property
     def of_all(self) -> Relocaliser | None:
         """What looks in the whole map already, if anything does."""
-        return self._relocaliser if self._everywhere else None
+        if self._reference is None or not self._everywhere:
+            return None
+        return self._relocaliser or Relocaliser(self._config, self._reference)
 
-    def add(self, scan: PointScan, map_from_robot: Pose2, *, jumped: bool) -> Verdict:
-        """`map_from_robot`: where the robot is followed; `jumped`: to there, farther than odometry allows."""
-        if self._relocaliser is None:
-            if not (jumped or self._is_contradicted(scan, map_from_robot)):
-                return Verdict.UNFOUNDED
-            self._relocaliser = self._look_round(map_from_robot)
-        return self._look_for_rival(self._relocaliser, scan, map_from_robot, jumped=jumped)
+    def add(self, scan: PointScan, map_from_robot: Pose2, *, jumped: bool, standing: bool) -> Verdict:
+        """`map_from_robot`: where the robot is followed; `jumped`: to there, farther than odometry allows.
 
-    def _is_contradicted(self, scan: PointScan, map_from_robot: Pose2) -> bool:
+        In haste where it has jumped while `standing`, or stands on in doubt: then it may well have been carried off.
+        """
+        self._jumped = jumped
+        self._scans += 1
+        doubt = self._config.doubt
+        in_haste = standing and (jumped or self._scans > doubt.patience_scans)
+        units = self._config.units_per_step if in_haste else doubt.units_per_step
+        if self._relocaliser is not None:
+            return self._look_for_rival(self._relocaliser, scan, map_from_robot, units)
+        if self._reference is not None:
+            if self._reference.step(units):
+                self._relocaliser = Relocaliser(self._config, self._reference)
+            return Verdict.OPEN
+        if self._first_look is None:
+            self._first_look = self._look_first(scan, map_from_robot)
+        if self._share.run(self._first_look, units) and self._reference is None:
+            return Verdict.UNFOUNDED
+        return Verdict.OPEN
+
+    def _look_first(self, scan: PointScan, robot: Pose2) -> Task:
+        """Whether there is reason to look round."""
         lines = to_lines(scan.points_m, scan.origin_m, self._config.trail.normals)
         points_m, normals = lines.points_m.astype(np.float32), lines.normals.astype(np.float32)
         seen = Keyframe(scan.stamp_s, 0, np.zeros(3), points_m, normals, scan.origin_m)
-        return self._contradiction.found_by(seen, map_from_robot.as_array())
+        contradiction = Contradiction(self._config.doubt, self._keyframes, self._poses)
+        contradicted = not self._jumped and (yield from contradiction.look(seen, robot.as_array(), self._share))
+        if contradicted or self._jumped:
+            self._reference = self._of_places_round(robot)
 
-    def _look_round(self, robot: Pose2) -> Relocaliser:
+    def _of_places_round(self, robot: Pose2) -> Reference:
         config, poses = self._config, self._poses
         away_m = np.hypot(poses[:, 0] - robot.x_m, poses[:, 1] - robot.y_m)
         near = np.flatnonzero(away_m <= max(config.doubt.reach_m, float(away_m.min())))
         self._everywhere = len(near) == len(poses)
         near = near[:: max(1, -(-len(near) // config.doubt.max_keyframes))]
         known = [self._keyframes[k] for k in near.tolist()]
-        return Relocaliser(config, Reference(config.reference, config.trail.match, self._grid, known, poses[near]))
+        return Reference(config.reference, config.trail.match, self._grid, known, poses[near])
 
-    def _look_for_rival(self, relocaliser: Relocaliser, scan: PointScan, robot: Pose2, *, jumped: bool) -> Verdict:
-        relocaliser.add(scan)
-        followed = relocaliser.judged_at(robot)
-        if followed is None:
-            return Verdict.OPEN
+    def _look_for_rival(self, relocaliser: Relocaliser, scan: PointScan, robot: Pose2, units: int) -> Verdict:
+        relocaliser.add(scan, units)
         self._checked_scans += relocaliser.searches > 0
         if self._checked_scans > self._config.doubt.longest_scans:
             return Verdict.UNFOUNDED
         if not relocaliser.settled:
             return Verdict.OPEN
+        followed = relocaliser.judged_at(robot)
+        if followed is None:
+            return Verdict.OPEN
         rival = relocaliser.rival(robot)
         if rival is None:
-            return Verdict.CARRIED if jumped and not relocaliser.is_believable(followed) else Verdict.UNFOUNDED
+            carried = self._jumped and not relocaliser.is_believable(followed)
+            return Verdict.CARRIED if carried else Verdict.UNFOUNDED
         rival_share = self._config.doubt.rival_share
-        better = -rival_share if jumped else rival_share
+        better = -rival_share if self._jumped else rival_share
         return Verdict.CARRIED if rival.support >= followed.support + better else Verdict.OPEN

@@ -91,8 +91,9 @@ class Relocaliser:
         start = (map_from_robot @ self.trail_from_robot.inverse()).as_array()
         return verify(self._config.verify, self._reference, self._query, start)
 
-    def add(self, scan: PointScan) -> Pose2 | None:
-        """The robot in the map at this scan, once there is no doubt."""
+    def add(self, scan: PointScan, units: int | None = None) -> Pose2 | None:
+        """The robot in the map at this scan, once there is no doubt; `units`: of work, instead of the usual number."""
+        units = self._config.units_per_step if units is None else units
         trail_from_robot = self._trail.add(scan)
         if self._trail.lost_scans > self._config.lost_scans or self._stands_in_doubt():
             self._begin_trail()  # carried off again, or what it saw at first was not the whole truth
@@ -101,9 +102,9 @@ class Relocaliser:
             trail_from_robot = self._renew_trail(scan, trail_from_robot)
         self._scans += 1
         self.trail_from_robot = trail_from_robot
-        if not self._reference.step(self._config.units_per_step):
+        if not self._reference.step(units):
             return None
-        self._share.begin(self._config.units_per_step)
+        self._share.begin(units)
         if self._waiting:
             self._judge()
         elif len(self._trail.keyframes) > self._query_scans:

@@ -80,7 +80,7 @@ class SelfLocatingSlam:
         if len(inner.keyframes) >= self._config.doubt.min_keyframes:
             wariness.note(inner.fit, inner.surprise, motion)
         if inner.lost_scans >= self._config.lost_scans:
-            self._lose(self._check.of_all if self._check is not None else None)
+            self._lose(self._check.of_all() if self._check is not None else None)
             return
         if self._check is None and wariness.lasting:
             self._check = Check(self._config, self._grid_config, inner)
@@ -88,9 +88,10 @@ class SelfLocatingSlam:
             self._go_on_checking(self._check, scan)
 
     def _go_on_checking(self, check: Check, scan: PointScan) -> None:
-        verdict = check.add(scan, self._pose, jumped=self._wariness.jumped)
+        wariness = self._wariness
+        verdict = check.add(scan, self._pose, jumped=wariness.jumped, standing=wariness.standing)
         if verdict is Verdict.CARRIED:
-            self._lose(check.of_all)
+            self._lose(check.of_all())
         elif verdict is Verdict.UNFOUNDED or not self._wariness.wary:
             self._check = None
             if verdict is Verdict.UNFOUNDED:
