@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,17 +62,19 @@ class FrontFinder:
         rails_near = (
             (np.abs(rails_off).max(axis=1) <= _NEAR_M) & (rails_at.min(axis=1) < length_m) & (rails_at.max(axis=1) > 0)
         )
+        post_of, rail_of = _Listed.of(posts_near), _Listed.of(rails_near)
+        posts_m, rails_m = wires.posts_m[post_of.index], wires.rails_m[rail_of.index]
         now: dict[bytes, Fronts] = {}
         found: list[Fronts] = []
-        for r, line_m in enumerate(lines_m):
-            posts, rails = np.flatnonzero(posts_near[:, r]), np.flatnonzero(rails_near[:, r])
-            posts_m, rails_m = wires.posts_m[posts], wires.rails_m[rails]
-            key = len(posts).to_bytes(4) + line_m.tobytes() + posts_m.tobytes() + rails_m.tobytes()
+        bounds = zip(lines_m, post_of.slices(), rail_of.slices(), strict=True)
+        for line_m, posts, rails in bounds:
+            here = Wires(posts_m[posts], rails_m[rails])
+            key = len(here.posts_m).to_bytes(4) + line_m.tobytes() + here.posts_m.tobytes() + here.rails_m.tobytes()
             known = self._known.get(key)
-            now[key] = self._along(line_m, Wires(posts_m, rails_m)) if known is None else known
-            found.append(_numbered(now[key], posts, rails))
+            now[key] = self._along(line_m, here) if known is None else known
+            found.append(now[key])
         self._known = now
-        return _in_a_row(found)
+        return _in_a_row(found, post_of, rail_of)
 
     def _along(self, line_m: FloatArray, wires: Wires) -> Fronts:
         """`wires`: the edges at this line, (2, 2), alone."""
@@ -145,24 +148,39 @@ def _arrays(fronts: list[_Front], posts_m: FloatArray, join_m: float) -> Fronts:
     )
 
 
-def _numbered(fronts: Fronts, posts: IntArray, rails: IntArray) -> Fronts:
-    """With the edges' indices in the whole map."""
-    return replace(
-        fronts,
-        rails=np.column_stack((fronts.rails[:, 0], rails[fronts.rails[:, 1]])),
-        posts=np.column_stack((fronts.posts[:, 0], posts[fronts.posts[:, 1]])),
-    )
+@dataclass(frozen=True, slots=True, eq=False)
+class _Listed:
+    """Which edges are at each line: those of one line after those of another. `first`: (R + 1,) where each begins."""
+
+    index: IntArray
+    first: IntArray
+
+    @staticmethod
+    def of(near: NDArray[np.bool_]) -> _Listed:
+        """(edges, lines)."""
+        line, index = np.nonzero(near.T)
+        return _Listed(index, np.searchsorted(line, np.arange(near.shape[1] + 1)))
+
+    def slices(self) -> Iterator[slice]:
+        return (slice(low, high) for low, high in itertools.pairwise(self.first.tolist()))
+
+    def in_map(self, pairs: list[IntArray], first_front: IntArray) -> IntArray:
+        """(K, 2) of each line's own fronts and edges, numbered as in the whole map."""
+        line = np.repeat(np.arange(len(pairs)), [len(each) for each in pairs])
+        front, edge = np.concatenate([_NO_PAIRS, *pairs]).T
+        return np.column_stack((front + first_front[line], self.index[edge + self.first[line]]))
 
 
-def _in_a_row(parts: list[Fronts]) -> Fronts:
-    first = np.cumsum([0, *(len(part.heights_m) for part in parts)])[:-1].tolist()
+def _in_a_row(parts: list[Fronts], posts: _Listed, rails: _Listed) -> Fronts:
+    first = np.cumsum([0, *(len(part.heights_m) for part in parts)])
+    outline_line = np.repeat(np.arange(len(parts)), [len(part.outline_of) for part in parts])
     return Fronts(
         np.concatenate([np.zeros((0, 2, 2)), *(part.ends_m for part in parts)]),
         np.concatenate([np.zeros(0), *(part.heights_m for part in parts)]),
-        np.concatenate([_NO_PAIRS, *(part.rails + np.array([at, 0]) for part, at in zip(parts, first, strict=True))]),
-        np.concatenate([_NO_PAIRS, *(part.posts + np.array([at, 0]) for part, at in zip(parts, first, strict=True))]),
+        rails.in_map([part.rails for part in parts], first),
+        posts.in_map([part.posts for part in parts], first),
         np.concatenate([np.zeros((0, 2, 3)), *(part.outlines_m for part in parts)]),
-        np.concatenate([_NO_PAIRS[:, 0], *(part.outline_of + at for part, at in zip(parts, first, strict=True))]),
+        np.concatenate([_NO_PAIRS[:, 0], *(part.outline_of for part in parts)]) + first[outline_line],
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,8 +39,9 @@ class LineFitter:
         order = order[np.searchsorted(owners[order], 0) :]
         sorted_m = points_m[order]
         clusters, first = np.unique(owners[order], return_index=True)
-        lines = [self._lines(cluster_m, cell_m) for cluster_m in np.split(sorted_m, first[1:])]
-        found = np.repeat(clusters, [len(each) for each in lines[: len(clusters)]])
+        bounds = itertools.pairwise([*first.tolist(), len(order)])
+        lines = [self._lines(sorted_m[begin:end], cell_m) for begin, end in bounds]
+        found = np.repeat(clusters, [len(each) for each in lines])
         return np.concatenate([np.zeros((0, 2, 2)), *lines]), found
 
     def _lines(self, points_m: FloatArray, cell_m: float) -> FloatArray:
