@@ -13,6 +13,7 @@ from station_gui.mapping.slam2d.config import GridConfig
 from station_gui.mapping.slam2d.keyframes import Placed
 from station_gui.mapping.slam2d.localisation.config import LocalisationConfig
 from station_gui.mapping.slam2d.localisation.doubt import Check, Verdict, Wariness
+from station_gui.mapping.slam2d.localisation.early import EarlyOdometry
 from station_gui.mapping.slam2d.localisation.reference import Reference
 from station_gui.mapping.slam2d.localisation.rehearsal import rehearse_search
 from station_gui.mapping.slam2d.localisation.relocaliser import Relocaliser
@@ -38,7 +39,7 @@ class SelfLocatingSlam:
         self._fixed = fixed
         self._scans = Placed()  # on scans of the inner one
         self._inner_scans = 0
-        self._early = Placed()  # odometry of the scans before the robot was found for the first time
+        self._early = EarlyOdometry()  # before the robot was found for the first time
         self._first_odometry = Pose2()  # when it was
         self._moved = 0  # how often poses that were given out have changed by being found
         self._odometry = Pose2()
@@ -138,7 +139,7 @@ class SelfLocatingSlam:
         if not self._fixed and self._strange_way_m > self._config.give_up_m:
             self._begin_piece(scan)
         elif self._inner_scans == 0:
-            self._early.append(0, scan.odom_from_robot.as_array())
+            self._early.append(scan.odom_from_robot)
         else:
             last = len(self._scans) - 1
             self._scans.append(self._inner_scans - 1, compose(self._scans.in_node(last), motion.as_array()))
@@ -206,9 +207,9 @@ class SelfLocatingSlam:
         return self._inner.pose_of_scan(self._scans.node_of(place)) @ Pose2.from_array(self._scans.in_node(place))
 
     def _early_pose(self, index: int) -> Pose2:
-        odometry = Pose2.from_array(self._early.in_node(index))
+        odometry = self._early[index]
         if self._inner_scans == 0:
-            return Pose2.from_array(self._early.in_node(0)).inverse() @ odometry
+            return self._early[0].inverse() @ odometry
         return self._inner.pose_of_scan(0) @ (self._first_odometry.inverse() @ odometry)
 
     @property
