@@ -25,7 +25,7 @@ _TOLD = {
     Tracking.LOST: (Severity.WARNING, "lost: no place of the map fits what the robot sees"),
     Tracking.APART: (
         Severity.WARNING,
-        "the robot was not found again: a new piece of map begins, where it may be wrong",
+        "the robot is in a piece of map that is not joined to the rest, and may lie wrong",
     ),
 }
 

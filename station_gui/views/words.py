@@ -106,7 +106,7 @@ def tracking_sentence(snapshot: MapSnapshot) -> str:
         case Tracking.LOST:
             return "It is lost: no place of the map fits what it sees."
         case Tracking.APART:
-            return "It was not found again and maps a new piece, which may lie wrong."
+            return "It is in a piece of map that is not joined to the rest, and may lie wrong."
         case _:
             return ""
 

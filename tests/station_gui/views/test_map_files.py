@@ -141,5 +141,5 @@ def test_a_robot_on_a_new_piece_of_map_is_shown_and_told(window, operator, scene
     operator.current = scenes.connected_view(snapshot=dataclasses.replace(room, tracking=Tracking.APART))
     window.refresh()
     assert robot_on_map(operator.current) is not None
-    assert "maps a new piece" in words.mission_sentence(operator.current, 1.5)
+    assert "not joined to the rest" in words.mission_sentence(operator.current, 1.5)
     assert not window.map2d._hint.isVisible()
