@@ -158,4 +158,4 @@ def _camera(c: DeviceConfig, clock: Clock) -> str:
         raise DeviceError("opens, but sends no frames; is it plugged into a blue USB 3 port?")
     lens = camera.intrinsics
     share = float(np.count_nonzero(image.depth)) / image.depth.size
-    return f"{camera.model}, {lens.width} x {lens.height}, depth in {share:.0%} of the pixels"
+    return f"{camera.model}, {lens.width} x {lens.height}, depth in {share:.0%} of the pixels; read by {camera.where}"

@@ -43,6 +43,7 @@ class DepthCameraConfig:
     """Intel RealSense L515 or one of the D400 family."""
 
     serial: str = ""  # empty: the first one found
+    interpreter: str = ""  # path of a Python with pyrealsense2, run beside the app; empty: the app has it itself
     width: int = 640
     height: int = 480
     rate_hz: int = 30  # the only one of the L515
@@ -55,6 +56,8 @@ class DepthCameraConfig:
         sizes = (self.width, self.height, self.rate_hz, self.start_up_s, self.silence_s, self.reopen_every_s)
         if min(sizes) <= 0 or self.latency_s < 0:
             raise ValueError("width, height, rate_hz and all times must be positive")
+        if self.interpreter and not self.interpreter.startswith("/"):
+            raise ValueError(f"interpreter must be a whole path, not {self.interpreter}")
 
 
 @dataclass(frozen=True, slots=True)

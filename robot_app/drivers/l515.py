@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import contextlib
-from typing import Any
-
-import numpy as np
-
 from robot_app.drivers.arrival import ArrivalFilter
 from robot_app.drivers.base import DepthImage, DeviceError
+from robot_app.drivers.camera_process.program import Lens
 from robot_app.drivers.config import DepthCameraConfig
-from robot_app.drivers.library import load_library
+from robot_app.drivers.l515_process import CameraProcess
+from robot_app.drivers.l515_source import FrameSource, InProcess
 from robot_app.drivers.lost import Reopening
 from shared.geometry.camera import Intrinsics
 from shared.runtime.clock import Clock
 
+_LOOK_S = 0.2
+
 
 class RealSenseCamera:
-    """The newest frame only: the pipeline keeps one and drops those that nobody fetched.
+    """The newest frame only: librealsense keeps one and drops those that nobody fetched.
 
+    Read in this process, or in one of its own when `interpreter` names a Python that has the library.
     The stamp is the arrival, freed of the host's delays by the camera's own time stamps, less `latency_s`.
     """
 
@@ -26,19 +26,35 @@ class RealSenseCamera:
         self._config = config
         self._clock = clock
         self._name = f"depth camera {config.serial}".rstrip()
-        self._realsense: Any = load_library("pyrealsense2", self._name)
+        self._source: FrameSource = (
+            CameraProcess(config, self._name, clock) if config.interpreter else InProcess(config, self._name)
+        )
         self._reopening = Reopening(clock, config.reopen_every_s)
         self._closed = False
-        self._pipeline: Any = None
-        self._start()
+        self._is_open = self._is_started = False
+        self._silent = False
+        self._intrinsics: Intrinsics | None = None
+        try:
+            self._open()
+            while not self._is_started:
+                self._look_for_start(_LOOK_S)
+        except BaseException:
+            self._drop()
+            raise
 
     @property
     def intrinsics(self) -> Intrinsics:
+        assert self._intrinsics is not None
         return self._intrinsics
 
     @property
     def model(self) -> str:
         return self._model
+
+    @property
+    def where(self) -> str:
+        """Which process reads the camera."""
+        return self._source.where
 
     def read(self, timeout_s: float) -> DepthImage | None:
         """After a loss the read raises `DeviceError`, and a later one starts the camera again."""
@@ -46,9 +62,7 @@ class RealSenseCamera:
             raise DeviceError(f"{self._name}: is closed")
         self._reopening.check_due()
         try:
-            if self._pipeline is None:
-                self._restart()
-            image = self._fetch(timeout_s)
+            image = self._read(timeout_s)
         except DeviceError as error:
             self._drop()
             self._reopening.lost(error)
@@ -63,63 +77,52 @@ class RealSenseCamera:
         self._closed = True
         self._drop()
 
-    def _start(self) -> None:
-        rs, c = self._realsense, self._config
-        pipeline, request = rs.pipeline(), rs.config()
-        if c.serial:
-            request.enable_device(c.serial)
-        request.enable_stream(rs.stream.depth, c.width, c.height, rs.format.z16, c.rate_hz)
-        try:
-            profile = pipeline.start(request)
-            self._pipeline = pipeline
-            device = profile.get_device()
-            self._model = str(device.get_info(rs.camera_info.name))
-            self._unit_m = float(device.first_depth_sensor().get_depth_scale())
-            lens = profile.get_stream(rs.stream.depth).as_video_stream_profile().get_intrinsics()
-        except RuntimeError as error:
-            self._drop()
-            raise DeviceError(f"{self._name}: {_advice(str(error))}") from error
-        # librealsense has the centre of pixel (0, 0) at (0, 0), we have it at (0.5, 0.5).
-        centre = lens.ppx + 0.5, lens.ppy + 0.5
-        self._intrinsics = Intrinsics(lens.width, lens.height, lens.fx, lens.fy, *centre)
-        self._arrival = ArrivalFilter()
-        self._last_number = -1
-        self._last_read_s = self._clock.now_s()
-        self._frame_by_s = self._last_read_s + c.start_up_s
+    def _read(self, timeout_s: float) -> DepthImage | None:
+        if not self._is_open:
+            self._open()
+        if not self._is_started:
+            self._look_for_start(timeout_s)
+        return self._fetch(timeout_s) if self._is_started else None
 
-    def _restart(self) -> None:
-        before = self._intrinsics
-        self._start()
-        if self._intrinsics != before:
-            self._intrinsics = before
+    def _open(self) -> None:
+        self._is_open, self._is_started, self._silent = True, False, False
+        self._source.start()
+
+    def _look_for_start(self, timeout_s: float) -> None:
+        lens = self._source.lens(timeout_s)
+        if lens is None:
+            return
+        intrinsics = _intrinsics(lens)
+        if self._intrinsics not in {None, intrinsics}:
             raise DeviceError(f"{self._name}: another camera is connected; start the app again")
+        self._intrinsics, self._model, self._unit_m = intrinsics, lens.model, lens.unit_m
+        self._arrival = ArrivalFilter()
+        self._is_started = True
+        self._last_read_s = self._clock.now_s()
+        self._frame_by_s = self._last_read_s + self._config.start_up_s
 
     def _drop(self) -> None:
-        pipeline, self._pipeline = self._pipeline, None
-        if pipeline is not None:
-            with contextlib.suppress(RuntimeError):  # it has lost its device
-                pipeline.stop()
+        if self._is_open:
+            self._is_open = self._is_started = False
+            self._source.stop(reset=self._silent)
 
     def _fetch(self, timeout_s: float) -> DepthImage | None:
-        try:
-            came, frames = self._pipeline.try_wait_for_frames(max(1, round(timeout_s * 1000)))
-            frame = frames.get_depth_frame() if came else None
-            arrived_s = self._clock.now_s()
-            if not frame or frame.get_frame_number() == self._last_number:
-                self._check_silence(arrived_s)
-                return None
-            return self._image(frame, arrived_s)
-        except RuntimeError as error:
-            raise DeviceError(f"{self._name}: lost: {error}") from error
-
-    def _image(self, frame: Any, arrived_s: float) -> DepthImage:
-        self._last_number = frame.get_frame_number()
-        self._last_read_s = arrived_s
-        self._frame_by_s = arrived_s + self._config.silence_s
-        depth = np.array(frame.get_data(), np.uint16, copy=True)  # the frame's memory is used again
+        fetched = self._source.fetch(timeout_s)
+        now_s = self._clock.now_s()
+        if fetched is None:
+            self._check_silence(now_s)
+            return None
+        arrived_s = self._arrival.arrival_s(fetched.device_s, now_s - fetched.waited_s)
+        if now_s - arrived_s > self._config.silence_s:  # it waited, or the camera's clock was set
+            self._check_silence(now_s)
+            return None
+        depth = fetched.depth
+        if depth.shape != (self.intrinsics.height, self.intrinsics.width):
+            raise DeviceError(f"{self._name}: sends images of another size than it told")
+        self._last_read_s = now_s
+        self._frame_by_s = now_s + self._config.silence_s
         depth.setflags(write=False)
-        stamp_s = self._arrival.arrival_s(frame.get_timestamp() * 1e-3, arrived_s) - self._config.latency_s
-        return DepthImage(stamp_s, depth, self._unit_m)
+        return DepthImage(arrived_s - self._config.latency_s, depth, self._unit_m)
 
     def _check_silence(self, now_s: float) -> None:
         """Time in which nobody listened is not the camera's silence."""
@@ -127,14 +130,10 @@ class RealSenseCamera:
             self._frame_by_s = max(self._frame_by_s, now_s + self._config.silence_s / 2)
         self._last_read_s = now_s
         if now_s > self._frame_by_s:
+            self._silent = True
             raise DeviceError(f"{self._name}: sends no frames; is it plugged into a blue USB 3 port?")
 
 
-def _advice(text: str) -> str:
-    if "No device connected" in text:
-        return "is not found; is it plugged into a blue USB 3 port? From 2.55 on pyrealsense2 knows no L515"
-    if "resolve requests" in text:
-        return "cannot send depth in this size and rate; on USB 2 the L515 has only 320 x 240: use a blue USB 3 port"
-    if "busy" in text.lower():
-        return "another program uses it"
-    return text
+def _intrinsics(lens: Lens) -> Intrinsics:
+    """librealsense has the centre of pixel (0, 0) at (0, 0), we have it at (0.5, 0.5)."""
+    return Intrinsics(lens.width, lens.height, lens.fx, lens.fy, lens.ppx + 0.5, lens.ppy + 0.5)

@@ -20,6 +20,7 @@ class Camera:
         self.is_lost = False
         self.starts = 0
         self.stops = 0
+        self.resets = 0
         self.requested: list[tuple[Any, ...]] = []
         self._frames: deque[_Frame] = deque(maxlen=1)
         self._number = 0
@@ -27,6 +28,9 @@ class Camera:
     def send(self, depth: NDArray[np.uint16], timestamp_ms: float) -> None:
         self._number += 1
         self._frames.append(_Frame(depth, timestamp_ms, self._number))
+
+    def reset(self) -> None:
+        self.resets += 1
 
     def take(self) -> _Frame | None:
         return self._frames.popleft() if self._frames else None
@@ -79,7 +83,9 @@ class _Pipeline:
             raise RuntimeError(camera.fault or "No device connected")
         camera.starts += 1
         sensor = SimpleNamespace(get_depth_scale=lambda: camera.depth_scale)
-        device = SimpleNamespace(first_depth_sensor=lambda: sensor, get_info=lambda _: "Intel RealSense L515")
+        device = SimpleNamespace(
+            first_depth_sensor=lambda: sensor, get_info=lambda _: "Intel RealSense L515", hardware_reset=camera.reset
+        )
         video = SimpleNamespace(get_intrinsics=lambda: camera.lens)
         stream = SimpleNamespace(as_video_stream_profile=lambda: video)
         return SimpleNamespace(get_device=lambda: device, get_stream=lambda _: stream)
