@@ -78,8 +78,9 @@ class HokuyoScanner:
         self._reopening = Reopening(clock, config.reopen_every_s)
         self._closed = False
         self._client: ScipClient | None = None
-        self._is_usb = "ACM" in Path(config.port).resolve().name  # where rates mean nothing
-        self._rates: tuple[int, ...] = (config.baud_rate, *(() if self._is_usb else _RS232_RATES))
+        has_no_rate = config.address or "ACM" in Path(config.port).resolve().name
+        self._transfer_known_s = (_TCP_TRANSFER_S if config.address else _USB_TRANSFER_S) if has_no_rate else None
+        self._rates: tuple[int, ...] = (config.baud_rate, *(() if has_no_rate else _RS232_RATES))
         self.counters = ScanCounters()
         self._start(config.start_up_s)
         self._rates = (config.baud_rate, self._baud_rates.found)  # it has the second again after a loss of power
@@ -228,10 +229,8 @@ class HokuyoScanner:
         return RawScan(scan.arrived_s - self._transfer_s() - sweep_s, ranges_m)
 
     def _transfer_s(self) -> float:
-        if self._config.address:
-            return _TCP_TRANSFER_S
-        if self._is_usb:
-            return _USB_TRANSFER_S
+        if self._transfer_known_s is not None:
+            return self._transfer_known_s
         return self._decoder.reply_bytes * _BITS_PER_BYTE / self._baud_rates.now
 
 

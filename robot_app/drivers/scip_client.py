@@ -31,6 +31,8 @@ from robot_app.drivers.scip import (
 from robot_app.drivers.scip_transport import ScipTransport
 
 _log = logging.getLogger(__name__)
+_library_log = _log.getChild("hokuyolx")
+_library_log.setLevel(logging.WARNING)  # it tells each request
 _WAKE_ATTEMPTS = 3  # the first may complete a command that was left half written
 _NUMBERS = ("DMIN", "DMAX", "ARES", "AMIN", "AMAX", "AFRT", "SCAN")
 _MAX_DIGITS = 9
@@ -58,9 +60,7 @@ class ScipClient(HokuyoLX):  # type: ignore[misc] # the library has no types
 
     def __init__(self, transport: ScipTransport, answer_timeout_s: float) -> None:
         self._transport = transport
-        super().__init__(
-            activate=False, info=False, tsync=False, convert_time=False, timeout=answer_timeout_s, logger=_log
-        )
+        super().__init__(False, False, False, timeout=answer_timeout_s, logger=_library_log, convert_time=False)
 
     @property
     def name(self) -> str:

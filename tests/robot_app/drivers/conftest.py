@@ -16,10 +16,12 @@ from tools.simulator.devices.pwm import PwmFolder
 from tools.simulator.devices.realsense import Camera
 from tools.simulator.devices.registers import Ads1115Chip, I2cBus, Lsm9ds1Chip
 from tools.simulator.devices.scip_sensor import ScipSensor
+from tools.simulator.devices.tcp_server import TcpServer
 
 SCIP_DATA = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "scip"
 BEAMS = 682
 Plug = Callable[[ScipSensor], PtyServer]
+Attach = Callable[[ScipSensor], PtyServer | TcpServer]
 
 
 @pytest.fixture
@@ -52,6 +54,20 @@ def plug() -> Iterator[Plug]:
         return servers[-1]
 
     yield plug_in
+    for server in servers:
+        server.close()
+
+
+@pytest.fixture(params=[PtyServer, TcpServer], ids=["serial port", "network"])
+def attach(request: pytest.FixtureRequest) -> Iterator[Attach]:
+    """Puts a sensor on a pseudo-terminal, and behind a TCP connection."""
+    servers: list[PtyServer | TcpServer] = []
+
+    def attached(sensor: ScipSensor) -> PtyServer | TcpServer:
+        servers.append(request.param(sensor.receive))
+        return servers[-1]
+
+    yield attached
     for server in servers:
         server.close()
 

@@ -1,9 +1,8 @@
-"""The scanner's driver against a scanner on a pseudo-terminal."""
+"""The contract of the scanner's driver, against a scanner at a serial port and one at the network."""
 
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,14 +13,16 @@ from robot_app.drivers.config import ScannerConfig
 from robot_app.drivers.hokuyo import HokuyoScanner
 from shared.runtime.clock import ManualClock, MonotonicClock
 from tools.simulator.devices.pty_server import PtyServer
-from tools.simulator.devices.scip_sensor import UBG_04LX, CapturedSensor, Mode, ScipSensor, read_session, scan_reply
+from tools.simulator.devices.scip_sensor import UBG_04LX, UST_10LX, Mode, ScipSensor, scan_reply
+from tools.simulator.devices.tcp_server import TcpServer
 
 PATIENCE_S = 5.0
 Values = NDArray[np.int_]
 
 
-def config(server: PtyServer, **changes: float) -> ScannerConfig:
-    return ScannerConfig(server.port, **{"silence_s": 0.2, "reopen_every_s": 0.001, "start_up_s": 3.0} | changes)
+def config(server: PtyServer | TcpServer, **changes: float) -> ScannerConfig:
+    where = {"port": server.port} if isinstance(server, PtyServer) else {"address": server.address}
+    return ScannerConfig(**where, **{"silence_s": 0.2, "reopen_every_s": 0.001, "start_up_s": 3.0} | changes)
 
 
 def read(scanner: HokuyoScanner) -> RawScan:
@@ -34,9 +35,9 @@ def expected_m(values_mm: Values) -> Values:
     return np.where(values_mm < 20, np.nan, values_mm / 1000).astype(np.float32)
 
 
-def test_scans_arrive_as_they_were_measured(plug, clock: MonotonicClock, values_mm: Values) -> None:
+def test_scans_arrive_as_they_were_measured(attach, clock: MonotonicClock, values_mm: Values) -> None:
     sensor = ScipSensor(values_mm)
-    server = plug(sensor)
+    server = attach(sensor)
     scanner = HokuyoScanner(config(server), clock)
     server.send(sensor.scan(values_mm[::-1]))
     scan = read(scanner)
@@ -47,8 +48,8 @@ def test_scans_arrive_as_they_were_measured(plug, clock: MonotonicClock, values_
     scanner.close()
 
 
-def test_the_geometry_is_what_the_scanner_says(plug, clock: MonotonicClock, values_mm: Values) -> None:
-    scanner = HokuyoScanner(config(plug(ScipSensor(values_mm)), x_m=0.2), clock)
+def test_the_geometry_is_what_the_scanner_says(attach, clock: MonotonicClock, values_mm: Values) -> None:
+    scanner = HokuyoScanner(config(attach(ScipSensor(values_mm)), x_m=0.2), clock)
     geometry = scanner.geometry
     assert math.degrees(geometry.first_angle_rad) == pytest.approx(-119.53, abs=0.01)
     assert math.degrees(geometry.angles_rad(682)[-1]) == pytest.approx(119.88, abs=0.01)
@@ -58,36 +59,10 @@ def test_the_geometry_is_what_the_scanner_says(plug, clock: MonotonicClock, valu
     scanner.close()
 
 
-def test_a_real_urg_04lx_is_opened_by_its_captured_bytes(
-    plug, clock: MonotonicClock, scip_data: Path, values_mm: Values
-) -> None:
-    sensor = CapturedSensor(read_session(scip_data, "example_urg_04lx"), values_mm)
-    scanner = HokuyoScanner(config(plug(sensor)), clock)
-    assert scanner.identity.product == "SOKUIKI Sensor URG-04LX"
-    assert scanner.identity.serial == "H0706400"
-    assert scanner.identity.state == "Sensor works well."
-    assert scanner.parameters.turns_per_minute == 600
-    assert scanner.geometry.beam_interval_s * 1024 == pytest.approx(0.1)
-    scanner.close()
-
-
-def test_the_stamp_is_that_of_beam_zero(plug, values_mm: Values) -> None:
+def test_a_scan_that_was_read_late_keeps_its_stamp(attach, values_mm: Values) -> None:
     clock = ManualClock(100.0)
     sensor = ScipSensor(values_mm)
-    server = plug(sensor)
-    scanner = HokuyoScanner(config(server, baud_rate=500_000), clock)
-    clock.advance(0.028)
-    server.send(sensor.scan(values_mm))
-    scan = read(scanner)
-    sweep_s, transfer_s = 681 / 1024 * 60 / 2142, 1435 * 10 / 500_000
-    assert scan.stamp_s == pytest.approx(100.028 - sweep_s - transfer_s, abs=1e-4)
-    scanner.close()
-
-
-def test_a_scan_that_was_read_late_keeps_its_stamp(plug, values_mm: Values) -> None:
-    clock = ManualClock(100.0)
-    sensor = ScipSensor(values_mm)
-    server = plug(sensor)
+    server = attach(sensor)
     scanner = HokuyoScanner(config(server), clock)
     clock.advance(0.028)
     server.send(sensor.scan(values_mm))
@@ -98,9 +73,9 @@ def test_a_scan_that_was_read_late_keeps_its_stamp(plug, values_mm: Values) -> N
     scanner.close()
 
 
-def test_only_the_newest_of_several_scans_is_returned(plug, clock: MonotonicClock, values_mm: Values) -> None:
+def test_only_the_newest_of_several_scans_is_returned(attach, clock: MonotonicClock, values_mm: Values) -> None:
     sensor = ScipSensor(values_mm)
-    server = plug(sensor)
+    server = attach(sensor)
     scanner = HokuyoScanner(config(server), clock)
     server.send(sensor.scan(values_mm) + sensor.scan(np.full(682, 1234)))  # both fit into the line's buffer
     assert np.all(read_until(scanner, 1.234))
@@ -116,9 +91,9 @@ def read_until(scanner: HokuyoScanner, range_m: float) -> NDArray[np.bool_]:
     raise AssertionError("the newest scan never came")
 
 
-def test_a_scan_that_dribbles_in_is_put_together(plug, clock: MonotonicClock, values_mm: Values) -> None:
+def test_a_scan_that_dribbles_in_is_put_together(attach, clock: MonotonicClock, values_mm: Values) -> None:
     sensor = ScipSensor(values_mm)
-    server = plug(sensor)
+    server = attach(sensor)
     scanner = HokuyoScanner(config(server, silence_s=5.0), clock)
     data = sensor.scan(np.full(682, 999))
     for i in range(len(data) - 1):
@@ -132,10 +107,10 @@ def test_a_scan_that_dribbles_in_is_put_together(plug, clock: MonotonicClock, va
 
 @pytest.mark.parametrize("spoil", ["cut", "garbage before", "wrong sum", "lost line feeds", "cut and glued"])
 def test_a_spoilt_scan_is_dropped_and_the_next_one_read(
-    plug, clock: MonotonicClock, values_mm: Values, spoil: str
+    attach, clock: MonotonicClock, values_mm: Values, spoil: str
 ) -> None:
     sensor = ScipSensor(values_mm)
-    server = plug(sensor)
+    server = attach(sensor)
     scanner = HokuyoScanner(config(server, silence_s=5.0), clock)
     bad = sensor.scan(values_mm)
     spoilt = {
@@ -152,10 +127,10 @@ def test_a_spoilt_scan_is_dropped_and_the_next_one_read(
 
 @pytest.mark.parametrize("mode", list(Mode))
 def test_a_scanner_in_any_state_is_brought_to_stream(
-    plug, clock: MonotonicClock, values_mm: Values, mode: Mode
+    attach, clock: MonotonicClock, values_mm: Values, mode: Mode
 ) -> None:
     sensor = ScipSensor(values_mm, mode=mode)
-    server = plug(sensor)
+    server = attach(sensor)
     if mode is Mode.STREAMING:
         server.send(sensor.scan(values_mm)[300:] + sensor.scan(values_mm))
     scanner = HokuyoScanner(config(server), clock)
@@ -164,28 +139,18 @@ def test_a_scanner_in_any_state_is_brought_to_stream(
 
 
 def test_a_half_written_command_of_an_earlier_program_does_no_harm(
-    plug, clock: MonotonicClock, values_mm: Values
+    attach, clock: MonotonicClock, values_mm: Values
 ) -> None:
     sensor = ScipSensor(values_mm)
     sensor.receive(b"MD0044")
-    scanner = HokuyoScanner(config(plug(sensor)), clock)
+    scanner = HokuyoScanner(config(attach(sensor)), clock)
     assert sensor.mode is Mode.STREAMING
     scanner.close()
 
 
-def test_a_scanner_at_another_rate_is_found_and_set(plug, clock: MonotonicClock, values_mm: Values) -> None:
+def test_closing_switches_the_laser_off(attach, clock: MonotonicClock, values_mm: Values) -> None:
     sensor = ScipSensor(values_mm)
-    server = plug(sensor, lambda: sensor.baud_rate or 19_200)
-    scanner = HokuyoScanner(config(server, baud_rate=500_000, answer_timeout_s=0.1), clock)
-    assert b"SS500000" in sensor.requests
-    server.send(sensor.scan(values_mm))
-    np.testing.assert_array_equal(read(scanner).ranges_m, expected_m(values_mm))
-    scanner.close()
-
-
-def test_closing_switches_the_laser_off(plug, clock: MonotonicClock, values_mm: Values) -> None:
-    sensor = ScipSensor(values_mm)
-    server = plug(sensor)
+    server = attach(sensor)
     scanner = HokuyoScanner(config(server), clock)
     scanner.close()
     scanner.close()
@@ -196,10 +161,10 @@ def test_closing_switches_the_laser_off(plug, clock: MonotonicClock, values_mm: 
     again.close()
 
 
-def test_a_silent_scanner_is_lost_and_opened_again(plug, values_mm: Values) -> None:
+def test_a_silent_scanner_is_lost_and_opened_again(attach, values_mm: Values) -> None:
     clock = ManualClock()
     sensor = ScipSensor(values_mm)
-    server = plug(sensor)
+    server = attach(sensor)
     scanner = HokuyoScanner(config(server, reopen_every_s=1.0), clock)
     for _ in range(2):
         assert scanner.read(0.0) is None
@@ -218,10 +183,10 @@ def test_a_silent_scanner_is_lost_and_opened_again(plug, values_mm: Values) -> N
     scanner.close()
 
 
-def test_garbage_for_ever_is_a_lost_scanner(plug, values_mm: Values) -> None:
+def test_garbage_for_ever_is_a_lost_scanner(attach, values_mm: Values) -> None:
     clock = ManualClock()
     sensor = ScipSensor(values_mm)
-    server = plug(sensor)
+    server = attach(sensor)
     scanner = HokuyoScanner(config(server), clock)
     with pytest.raises(DeviceError, match="no good scan"):
         for _ in range(10):
@@ -232,41 +197,20 @@ def test_garbage_for_ever_is_a_lost_scanner(plug, values_mm: Values) -> None:
     scanner.close()
 
 
-def test_unplugging_is_an_error_that_names_the_port(plug, clock: MonotonicClock, values_mm: Values) -> None:
-    server = plug(ScipSensor(values_mm))
+def test_unplugging_is_an_error_that_says_where(attach, clock: MonotonicClock, values_mm: Values) -> None:
+    server = attach(ScipSensor(values_mm))
     scanner = HokuyoScanner(config(server), clock)
     server.unplug()
     for _ in range(3):
-        with pytest.raises(DeviceError, match=r"scanner at /dev/pts/\d+"):
+        with pytest.raises(DeviceError, match=r"scanner at (/dev/pts/|127\.0\.0\.1:)\d+"):
             scanner.read(0.01)
     scanner.close()
 
 
-def test_a_scanner_that_lost_its_power_is_found_at_its_old_rate(plug, values_mm: Values) -> None:
+def test_another_scanner_at_the_port_is_refused_for_ever(attach, values_mm: Values) -> None:
     clock = ManualClock()
     sensor = ScipSensor(values_mm)
-    server = plug(sensor, lambda: sensor.baud_rate or 19_200)
-    scanner = HokuyoScanner(config(server, baud_rate=500_000, answer_timeout_s=0.1), clock)
-    sensor.mode, sensor.baud_rate = Mode.IDLE, None
-    clock.advance(0.05)
-    scanner.read(0.0)
-    clock.advance(0.09)
-    scanner.read(0.0)
-    clock.advance(0.09)
-    with pytest.raises(DeviceError, match="no good scan"):
-        scanner.read(0.0)
-    clock.advance(1.0)
-    scanner.read(0.0)
-    server.send(sensor.scan(np.full(682, 666)))
-    assert np.all(read(scanner).ranges_m == np.float32(0.666))
-    assert sensor.requests.count(b"SS500000") == 2
-    scanner.close()
-
-
-def test_another_scanner_at_the_port_is_refused_for_ever(plug, values_mm: Values) -> None:
-    clock = ManualClock()
-    sensor = ScipSensor(values_mm)
-    scanner = HokuyoScanner(config(plug(sensor)), clock)
+    scanner = HokuyoScanner(config(attach(sensor)), clock)
     sensor.become((*UBG_04LX[:5], ("AMAX", "700"), *UBG_04LX[6:]), values_mm[:657])
     clock.advance(0.09)
     scanner.read(0.0)
@@ -282,32 +226,10 @@ def test_another_scanner_at_the_port_is_refused_for_ever(plug, values_mm: Values
     scanner.close()
 
 
-def test_a_scanner_that_is_plugged_in_again_is_found(plug, tmp_path: Path, values_mm: Values) -> None:
-    """The name of the port stays, as below /dev/serial/by-id, the device behind it is a new one."""
-    clock = ManualClock()
-    first = plug(ScipSensor(values_mm))
-    port = tmp_path / "usb-Hokuyo"
-    port.symlink_to(first.port)
-    scanner = HokuyoScanner(ScannerConfig(str(port), reopen_every_s=0.5), clock)
-    first.unplug()
-    port.unlink()
-    for _ in range(3):
-        with pytest.raises(DeviceError, match=r"usb-Hokuyo: .*plugged in\?"):
-            scanner.read(0.01)
-        clock.advance(0.6)
-    sensor = ScipSensor(values_mm)
-    second = plug(sensor)
-    port.symlink_to(second.port)
-    assert scanner.read(0.0) is None
-    second.send(sensor.scan(np.full(682, 444)))
-    assert np.all(read(scanner).ranges_m == np.float32(0.444))
-    scanner.close()
-
-
-def test_nobody_listening_is_not_silence(plug, values_mm: Values) -> None:
+def test_nobody_listening_is_not_silence(attach, values_mm: Values) -> None:
     clock = ManualClock()
     sensor = ScipSensor(values_mm)
-    server = plug(sensor)
+    server = attach(sensor)
     scanner = HokuyoScanner(config(server), clock)
     clock.advance(60.0)  # the kernels were compiled; meanwhile the line's buffer ran over
     server.send(sensor.scan(values_mm)[:900] + sensor.scan(values_mm)[200:700])
@@ -318,9 +240,9 @@ def test_nobody_listening_is_not_silence(plug, values_mm: Values) -> None:
     scanner.close()
 
 
-def test_hardware_trouble_is_named(plug, clock: MonotonicClock, values_mm: Values) -> None:
+def test_hardware_trouble_is_named(attach, clock: MonotonicClock, values_mm: Values) -> None:
     sensor = ScipSensor(values_mm)
-    server = plug(sensor)
+    server = attach(sensor)
     scanner = HokuyoScanner(config(server), clock)
     server.send(scan_reply(b"MS0044072501000", 0, values_mm, status=b"55"))
     with pytest.raises(DeviceError, match="55: hardware trouble"):
@@ -328,9 +250,9 @@ def test_hardware_trouble_is_named(plug, clock: MonotonicClock, values_mm: Value
     scanner.close()
 
 
-def test_a_scanner_that_checks_itself_is_waited_for(plug, clock: MonotonicClock, values_mm: Values) -> None:
+def test_a_scanner_that_checks_itself_is_waited_for(attach, clock: MonotonicClock, values_mm: Values) -> None:
     sensor = ScipSensor(values_mm)
-    server = plug(sensor)
+    server = attach(sensor)
     scanner = HokuyoScanner(config(server, silence_s=5.0), clock)
     checking, resumed = (scan_reply(b"MS0044072501000", 0, values_mm, status=s) for s in (b"21", b"98"))
     server.send(checking[:40] + b"\n\n" + resumed[:40] + b"\n\n" + sensor.scan(np.full(682, 888)))
@@ -338,42 +260,85 @@ def test_a_scanner_that_checks_itself_is_waited_for(plug, clock: MonotonicClock,
     scanner.close()
 
 
-def test_a_faulty_laser_refuses_to_open(plug, clock: MonotonicClock, values_mm: Values) -> None:
+def test_a_faulty_laser_refuses_to_open(attach, clock: MonotonicClock, values_mm: Values) -> None:
     sensor = ScipSensor(values_mm)
     sensor.refusals[b"BM"] = b"01"
     with pytest.raises(DeviceError, match="BM was refused, 01: the laser is faulty"):
-        HokuyoScanner(config(plug(sensor)), clock)
+        HokuyoScanner(config(attach(sensor)), clock)
 
 
-def test_parameters_that_make_no_sense_are_refused(plug, clock: MonotonicClock, values_mm: Values) -> None:
+def test_parameters_that_make_no_sense_are_refused(attach, clock: MonotonicClock, values_mm: Values) -> None:
     without_front = tuple(f for f in UBG_04LX if f[0] != "AFRT")
     with pytest.raises(DeviceError, match="no AFRT"):
-        HokuyoScanner(config(plug(ScipSensor(values_mm, without_front))), clock)
+        HokuyoScanner(config(attach(ScipSensor(values_mm, without_front))), clock)
     backwards = (*without_front, ("AFRT", "5"))
     with pytest.raises(DeviceError, match="make no sense"):
-        HokuyoScanner(config(plug(ScipSensor(values_mm, backwards))), clock)
+        HokuyoScanner(config(attach(ScipSensor(values_mm, backwards))), clock)
 
 
-def test_nobody_at_the_port_is_an_error(plug, clock: MonotonicClock, values_mm: Values) -> None:
-    server = plug(ScipSensor(values_mm))
+def test_nobody_at_the_port_is_an_error(attach, clock: MonotonicClock, values_mm: Values) -> None:
+    server = attach(ScipSensor(values_mm))
     server.is_silent = True
     with pytest.raises(DeviceError, match="no scanner answers"):
         HokuyoScanner(config(server, answer_timeout_s=0.01), clock)
 
 
-def test_a_scanner_without_scans_is_an_error(plug, clock: MonotonicClock) -> None:
+def test_a_scanner_without_scans_is_an_error(attach, clock: MonotonicClock) -> None:
     with pytest.raises(DeviceError, match="sends no scans"):
-        HokuyoScanner(config(plug(ScipSensor(None)), start_up_s=0.05), clock)
+        HokuyoScanner(config(attach(ScipSensor(None)), start_up_s=0.05), clock)
 
 
-def test_a_missing_port_is_named(clock: MonotonicClock) -> None:
-    with pytest.raises(DeviceError, match="/dev/ttyACM77: there is no such port"):
-        HokuyoScanner(ScannerConfig("/dev/ttyACM77"), clock)
-
-
-def test_a_port_in_use_is_named(plug, clock: MonotonicClock, values_mm: Values) -> None:
-    server = plug(ScipSensor(values_mm))
-    scanner = HokuyoScanner(config(server), clock)
-    with pytest.raises(DeviceError, match="another program uses it"):
-        HokuyoScanner(config(server), clock)
+def test_a_ust_is_read_with_all_its_beams(attach, clock: MonotonicClock) -> None:
+    far_mm = np.linspace(20, 29_999, 1081).astype(np.int_)
+    far_mm[:3] = 1, 19, 65_533  # two errors, and nothing in its range
+    sensor = ScipSensor(far_mm, UST_10LX)
+    server = attach(sensor)
+    scanner = HokuyoScanner(config(server, range_max_m=10.0), clock)
+    assert sensor.requests[-1] == b"MD0000108001000"  # two characters end at 4 m
+    server.send(sensor.scan(far_mm))
+    ranges_m = read(scanner).ranges_m
+    assert np.isnan(ranges_m[:3]).all()
+    np.testing.assert_array_equal(ranges_m[3:], (far_mm[3:] / 1000).astype(np.float32))
+    angles_rad = scanner.geometry.angles_rad(1081)
+    np.testing.assert_allclose(np.degrees(angles_rad[[0, 540, 1080]]), [-135, 0, 135], atol=1e-4)
+    assert scanner.geometry.range_max_m == 10.0
+    assert scanner.identity.product == "SOKUIKI Sensor UST-10LX"
     scanner.close()
+
+
+@pytest.mark.parametrize(
+    ("command", "status", "words"),
+    [
+        (b"BM", b"10", "BM was refused, 10: the laser is off"),
+        (b"VV", b"0E", "VV was refused, 0E: does not know this command"),
+        (b"PP", b"0L", "PP was refused, 0L: is in trouble"),
+        (b"MS", b"05", "MS was refused, 05: a parameter of the scan is wrong"),
+        (b"MS", b"98", "MS was refused, 98: measures again"),
+    ],
+)
+def test_a_refusal_is_named(
+    attach, clock: MonotonicClock, values_mm: Values, command: bytes, status: bytes, words: str
+) -> None:
+    sensor = ScipSensor(values_mm)
+    sensor.refusals[command] = status
+    with pytest.raises(DeviceError, match=words):
+        HokuyoScanner(config(attach(sensor)), clock)
+
+
+def test_half_an_answer_is_no_answer(attach, clock: MonotonicClock, values_mm: Values) -> None:
+    sensor = HalfSensor(values_mm)
+    with pytest.raises(DeviceError, match="no answer to PP"):
+        HokuyoScanner(config(attach(sensor), answer_timeout_s=0.02), clock)
+    sensor.is_half = False
+    scanner = HokuyoScanner(config(attach(sensor)), clock)
+    scanner.close()
+
+
+class HalfSensor(ScipSensor):
+    """Loses the second half of its parameters, which the next reply then follows."""
+
+    is_half = True
+
+    def _reply(self, line: bytes) -> bytes:
+        reply = super()._reply(line)
+        return reply[: len(reply) // 2] if self.is_half and line == b"PP" else reply

@@ -22,14 +22,23 @@ UBG_04LX = (
     ("AFRT", "384"),
     ("SCAN", "2142"),
 )
+UST_10LX = (
+    ("MODL", "UST-10LX(Hokuyo Automatic Co.,Ltd.)"),
+    ("DMIN", "20"),
+    ("DMAX", "30000"),
+    ("ARES", "1440"),
+    ("AMIN", "0"),
+    ("AMAX", "1080"),
+    ("AFRT", "540"),
+    ("SCAN", "2400"),
+)
 _IDENTITY = (
     ("VEND", "Hokuyo Automatic Co.,Ltd."),
-    ("PROD", "SOKUIKI Sensor UBG-04LX-F01"),
     ("FIRM", "1.0.00(01/Jan./2008)"),
     ("PROT", "SCIP 2.0"),
     ("SERI", "H0000001"),
 )
-_STATE = (("MODL", "UBG-04LX-F01(Hokuyo Automatic Co.,Ltd.)"), ("LASR", "ON"), ("STAT", "Sensor works well."))
+_STATE = (("LASR", "ON"), ("STAT", "Sensor works well."))
 
 
 class Mode(Enum):
@@ -73,6 +82,7 @@ class ScipSensor:
         self._parameters = parameters
         self._partial = b""
         self._stream_echo = b"MS0044072501000"
+        self._newest = first_scan
         self._laser_is_on = mode is Mode.STREAMING
         self.mode = mode
         self.baud_rate: int | None = None
@@ -94,7 +104,8 @@ class ScipSensor:
         if self.mode is not Mode.STREAMING:
             return b""
         self.time_ms += period_ms
-        return scan_reply(self._stream_echo, self.time_ms, values)
+        self._newest = values
+        return scan_reply(self._stream_echo, self.time_ms, values, _characters(self._stream_echo))
 
     def _answer(self, line: bytes) -> bytes:
         self.requests.append(line)
@@ -112,11 +123,12 @@ class ScipSensor:
     def _reply(self, line: bytes) -> bytes:  # noqa: PLR0911 - one for each command of the specification
         match line[:2]:
             case b"VV":
-                return self._fields(line, _IDENTITY)
+                model = dict(self._parameters)["MODL"].partition("(")[0]
+                return self._fields(line, (("PROD", f"SOKUIKI Sensor {model}"), *_IDENTITY))
             case b"PP":
                 return self._fields(line, self._parameters)
             case b"II":
-                return self._fields(line, _STATE)
+                return self._fields(line, (self._parameters[0], *_STATE))
             case b"QT":
                 self.mode, self._laser_is_on = Mode.IDLE, False
                 return status_reply(line, b"00")
@@ -128,8 +140,10 @@ class ScipSensor:
             case b"SS" if line[2:].isdigit() and len(line) == 8:
                 self.baud_rate = int(line[2:])
                 return status_reply(line, b"00")
-            case b"MS" if len(line) == 15 and line[2:].isdigit():
+            case b"MS" | b"MD" if len(line) == 15 and line[2:].isdigit():
                 return self._stream(line)
+            case b"GS" | b"GD" if len(line) == 12 and line[2:].isdigit():
+                return self._single(line)
         return status_reply(line, b"0E")
 
     def _time_mode(self, line: bytes) -> bytes:
@@ -144,10 +158,19 @@ class ScipSensor:
         first = b"" if self._first_scan is None else self.scan(self._first_scan)
         return status_reply(line, b"00") + first
 
+    def _single(self, line: bytes) -> bytes:
+        if not self._laser_is_on or self._newest is None:
+            return status_reply(line, b"10")
+        return scan_reply(line, self.time_ms, self._newest, _characters(line), b"00")
+
     def _fields(self, line: bytes, fields: tuple[tuple[str, str], ...]) -> bytes:
         """The sum is that of the text before the semicolon."""
         texts = (f"{name}:{value}".encode() for name, value in fields)
         return status_reply(line, b"00", b"".join(t + b";" + summed(t)[-1:] + b"\n" for t in texts))
+
+
+def _characters(request: bytes) -> int:
+    return 2 if request[1:2] == b"S" else 3
 
 
 @dataclass(frozen=True, slots=True)
