@@ -213,12 +213,23 @@ class Encoder:
             raise ValueError(f"{len(observation.ranges_m)} beams at {observation.stamp_s} s and {pose}")
         sending = _Sending.of(observation)
         encoded, state = self._attempt(sending, 0)
-        for level in range(1, len(DETAILS)):
-            if max_bytes is None or len(encoded.datagram) <= max_bytes:
-                break
-            encoded, state = self._attempt(sending, level)
+        if max_bytes is not None and len(encoded.datagram) > max_bytes:
+            encoded, state = self._with_less(sending, max_bytes)
         self._keep(encoded.number, state)
         return encoded
+
+    def _with_less(self, sending: _Sending, max_bytes: int) -> tuple[Encoded, State]:
+        """By halving, four attempts at most: each level says less than the one before, but for a few bits."""
+        low, high = 1, len(DETAILS) - 1
+        found: tuple[Encoded, State] | None = None
+        while low < high:
+            middle = (low + high) // 2
+            tried = self._attempt(sending, middle)
+            if len(tried[0].datagram) <= max_bytes:
+                found, high = tried, middle
+            else:
+                low = middle + 1
+        return found or self._attempt(sending, low)
 
     def _attempt(self, sending: _Sending, level: int) -> tuple[Encoded, State]:
         base = self._base_state()

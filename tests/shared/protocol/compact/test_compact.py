@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from shared.geometry.se2 import Pose2
 from shared.messages import ObjectNetwork, Observation, ScanGeometry
 from shared.protocol.codec import encode as encode_full
 from shared.protocol.compact.decoder import Decoder
-from shared.protocol.compact.encoder import Encoder
+from shared.protocol.compact.encoder import DETAILS, Encoder
 from shared.protocol.compact.warm_up import warm_up
 from tests.shared import samples
 from tools.fuzz.room_drive import drive
@@ -127,6 +128,30 @@ def test_a_budget_is_met_and_what_was_left_out_follows(rng: np.random.Generator)
     assert levels[-1] == 0
     assert got is not None
     assert_near(observation, got)
+
+
+def test_a_budget_is_met_within_five_attempts_and_leaves_out_no_more_than_it_must(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    attempts: list[tuple[int, int]] = []
+    attempt = Encoder._attempt
+
+    def counted(encoder: Encoder, sending: Any, level: int) -> Any:
+        made = attempt(encoder, sending, level)
+        attempts.append((level, len(made[0].datagram)))
+        return made
+
+    monkeypatch.setattr(Encoder, "_attempt", counted)
+    encoder = Encoder()
+    observation = drive(1, rng)[0]
+    for max_bytes in range(10, 300, 15):
+        encoder.reset()
+        attempts.clear()
+        encoded = encoder.encode(observation, max_bytes)
+        assert len(attempts) <= 5
+        taken = min(level for level, size in attempts if size == len(encoded.datagram))
+        assert len(encoded.datagram) <= max_bytes or taken == len(DETAILS) - 1
+        assert all(size > max_bytes for level, size in attempts if level < taken)
 
 
 def test_far_and_high_nodes_come_through(rng: np.random.Generator) -> None:
