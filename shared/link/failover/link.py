@@ -104,10 +104,6 @@ class Failover:
             return any(self._is_open(path) for path in LinkPath)
 
     @property
-    def wifi_round_trip_s(self) -> float:
-        return self._watch.round_trip_s
-
-    @property
     def health(self) -> LinkHealth:
         radio = self._radio.health
         with self._lock:

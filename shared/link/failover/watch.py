@@ -40,15 +40,10 @@ class Watch:
         self._echoed_s = -math.inf  # when the youngest probe that was echoed had been sent
         self._steady_since_s = math.inf
         self.last_heard = 0  # number of the other side's last probe
-        self.round_trip_s = math.nan
         self._usual_s = 0.0  # smoothed round trip
 
     def due(self, now_s: float) -> bool:
         return now_s >= self._probe_s + self._config.probe_s
-
-    @property
-    def due_s(self) -> float:
-        return self._probe_s + self._config.probe_s
 
     def probe(self, now_s: float) -> int:
         """The number of the probe that is sent now."""
@@ -62,8 +57,7 @@ class Watch:
         self.last_heard = number
         for sent, at_s in reversed(self._sent):
             if sent == echo:
-                self.round_trip_s = now_s - at_s
-                usual_s = self._usual_s + _SMOOTHING * (self.round_trip_s - self._usual_s)
+                usual_s = self._usual_s + _SMOOTHING * (now_s - at_s - self._usual_s)
                 self._usual_s = min(usual_s, _LONGEST_USUAL_S)
                 if not self.is_alive(now_s):
                     self._steady_since_s = now_s

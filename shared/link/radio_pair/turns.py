@@ -85,11 +85,6 @@ class AskingTurns:
         self._unanswered = 0  # on all radios
         self._station_has_more = False
 
-    @property
-    def suspects(self) -> list[bool]:
-        """Radios that carry nothing now."""
-        return [not r.is_up or r.probe_at_s is not None for r in self._radios]
-
     def set_up(self, radio: int, is_up: bool, now_s: float) -> None:
         state = self._radios[radio]
         state.is_up = is_up
