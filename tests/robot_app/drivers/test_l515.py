@@ -71,6 +71,7 @@ def test_an_unplugged_camera_is_an_error_and_comes_back(camera: Camera) -> None:
     camera.is_lost = True
     with pytest.raises(DeviceError, match="lost: Device disconnected"):
         driver.read(0.01)
+    assert camera.resets == 0
     camera.fault = "No device connected"
     clock.advance(2.1)
     with pytest.raises(DeviceError, match="is not found; is it plugged into a blue USB 3 port"):
@@ -100,7 +101,7 @@ def test_a_camera_that_falls_silent_is_lost(camera: Camera) -> None:
         for _ in range(12):
             clock.advance(0.1)
             driver.read(0.01)
-    assert camera.stops == 1
+    assert (camera.stops, camera.resets) == (1, 1)
 
 
 def test_nobody_listening_is_not_silence(camera: Camera) -> None:
