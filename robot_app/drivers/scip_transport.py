@@ -7,7 +7,8 @@ from typing import Protocol
 from robot_app.drivers.scip import END, Reply, ReplyBuffer, parse_reply
 from shared.runtime.clock import Clock
 
-_COUNT_DIGITS = 2  # at the end of MD and MS; the echo of a streamed reply has how many are still to come
+_STREAMS = {b"MD", b"MS", b"ME"}
+_COUNT_DIGITS = 2  # at the end of their requests; the echo of a streamed reply has how many are still to come
 
 
 class Line(Protocol):
@@ -37,6 +38,7 @@ class ScipTransport:
         self._waiting: list[bytes] = []  # blocks that came together with an answer, after it
         self._echo = b""
         self._due_s = 0.0
+        self._is_answered = False
 
     @property
     def name(self) -> str:
@@ -54,19 +56,22 @@ class ScipTransport:
         self._waiting = []
         self._echo = data.rstrip(b"\n")
         self._due_s = self._clock.now_s() + self._timeout_s
+        self._is_answered = False
         self._line.write(data)
         return len(data)
 
     def recv(self, _size: int) -> bytes:
         """The whole reply, LF LF at its end, however long. After the answer to a stream's request: its next scan."""
+        if self._is_answered:
+            self._due_s = self._clock.now_s() + self._timeout_s
         reply = self.reply()
         while reply is not None and not reply.text.isascii():  # spoilt; the library would not survive it
             reply = self.reply()
         if reply is None:
             raise TimeoutError
-        if self._echo[:2] in {b"MD", b"MS", b"ME"} and reply.echo == self._echo:
+        if not self._is_answered and self._echo[:2] in _STREAMS:
             self._echo = self._echo[:-_COUNT_DIGITS]
-        self._due_s = self._clock.now_s() + self._timeout_s
+        self._is_answered = True
         return reply.text + END
 
     def reply(self) -> Reply | None:

@@ -147,12 +147,17 @@ def test_there_are_as_many_angles_as_ranges(
 
 
 def test_scans_that_a_slow_reader_finds_glued_are_all_read(values_mm: NDArray[np.int_]) -> None:
-    sensor = ScipSensor(values_mm)
-    client, line = opened(sensor)
+    sensor, clock = ScipSensor(values_mm), ManualClock()
+    line = SensorLine(clock, sensor)
+    client = client_of(line, clock)
+    client.parameters()
     scans = client.iter_dist()
     next(scans)
     line.chunks.append(b"".join(sensor.scan(np.full(682, 100 + i)) for i in range(20)))
+    clock.advance(10 * TIMEOUT_S)
     assert [scan[0] for scan, _, _ in islice(scans, 20)] == list(range(100, 120))
+    with pytest.raises(HokuyoException, match="timeout"):
+        next(scans)
 
 
 def test_a_damaged_scan_is_an_exception_of_the_library(values_mm: NDArray[np.int_]) -> None:
