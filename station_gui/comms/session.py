@@ -72,6 +72,7 @@ _MAX_PENDING = 32
 _NEW_HANDS = 1 << 20  # a jump of the numbers by which the robot knows another station
 _DATAGRAMS_PER_STEP = 256
 _KEYFRAME_AGAIN_S = 2.0
+_NEVER_HEARD = ". Is it on, with the same pairing file, and does link.use of its robot.toml name what is chosen here?"
 
 
 class Session:
@@ -340,7 +341,8 @@ class Session:
         slow = link.path is LinkPath.RADIO
         longest_s = self._config.silence_radio_s if slow else self._config.silence_s
         if silent_s > longest_s:
-            raise LinkError(f"no word from the robot for {longest_s:g} s")
+            never = link.mends_itself and self._state is LinkState.CONNECTING
+            raise LinkError(f"no word from the robot for {longest_s:g} s{_NEVER_HEARD if never else ''}")
 
     def _lost(self, reason: str) -> None:
         link = self._link
