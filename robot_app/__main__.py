@@ -18,6 +18,7 @@ from robot_app.config import RobotConfig, load_config
 from robot_app.drivers.base import DeviceError
 from robot_app.drivers.raspberry_pi import open_hardware
 from robot_app.link import open_link
+from robot_app.real_time import ask_for_real_time, take_priority
 from robot_app.run import run_robot, stop_on_signals
 from robot_app.service import ServiceManager
 from shared.command_line import EXIT_FAILED, EXIT_OK, Parser, Refused, port_number, run, set_up_logging
@@ -80,8 +81,11 @@ def _drive(config: RobotConfig, args: argparse.Namespace) -> int:
         app = RobotApp(hardware, link, clock, config, secrets.randbits(32))
         _log.info("compiling; this takes a while the first time")
         app.warm_up()
+        ask_for_real_time()
         service = ServiceManager(os.environ.get("NOTIFY_SOCKET"))
-        run_robot(app, clock, stop, service, lambda: _log.info("ready: listening on %s", opened_link.where))
+        run_robot(
+            app, clock, stop, service, lambda: _log.info("ready: listening on %s", opened_link.where), take_priority
+        )
     return EXIT_OK
 
 

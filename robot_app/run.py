@@ -13,7 +13,7 @@ from robot_app import schedule
 from robot_app.app import RobotApp
 from robot_app.service import ServiceManager
 from shared.runtime.clock import Clock
-from shared.runtime.runner import TaskHealth, ThreadRunner
+from shared.runtime.runner import Row, TaskHealth, ThreadRunner
 
 _log = logging.getLogger(__name__)
 SWITCH_INTERVAL_S = 0.0005  # a Python thread may keep the others waiting for so long
@@ -29,11 +29,19 @@ def stop_on_signals() -> threading.Event:
 
 
 def run_robot(
-    app: RobotApp, clock: Clock, stop: threading.Event, service: ServiceManager, on_ready: Callable[[], None]
+    app: RobotApp,
+    clock: Clock,
+    stop: threading.Event,
+    service: ServiceManager,
+    on_ready: Callable[[], None],
+    prepare: Callable[[Row], None] | None = None,
 ) -> None:
-    """Run the tasks of a warm app until `stop` is set. The car stops first, then the devices are closed."""
+    """Run the tasks of a warm app until `stop` is set. The car stops first, then the devices are closed.
+
+    `prepare`: called in the thread of each task before its first tick.
+    """
     sys.setswitchinterval(SWITCH_INTERVAL_S)
-    runner = ThreadRunner(app.tasks(), clock, app.on_fault)
+    runner = ThreadRunner(app.tasks(), clock, app.on_fault, prepare)
     app.use_health(lambda: runner.health)
     gc.collect()
     gc.freeze()

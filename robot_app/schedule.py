@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from shared.runtime.runner import OnFault, Row
 
-#                   name         rate Hz  max age s  budget s  on fault
-ODOMETRY = Row("odometry", 100.0, 0.10, 0.004, OnFault.HALT)
-SCAN = Row("scan", 50.0, 0.20, 0.010, OnFault.HALT)  # the scanner's own rate is 25 Hz
-CONTROL = Row("control", 50.0, 0.10, 0.010, OnFault.HALT)
-COMMANDS = Row("commands", 50.0, 1.00, 0.010, OnFault.RETRY)
+#                   name         rate Hz  max age s  budget s  on fault  FIFO priority: the shorter the wait, the higher
+ODOMETRY = Row("odometry", 100.0, 0.10, 0.004, OnFault.HALT, 50)
+SCAN = Row("scan", 50.0, 0.20, 0.010, OnFault.HALT, 40)  # the scanner's own rate is 25 Hz
+CONTROL = Row("control", 50.0, 0.10, 0.010, OnFault.HALT, 45)
+COMMANDS = Row("commands", 50.0, 1.00, 0.010, OnFault.RETRY, 30)
 DEPTH = Row("depth", 10.0, 0.50, 0.050, OnFault.DEGRADE)
 OBSERVE = Row("observe", 50.0, 0.50, 0.010, OnFault.RETRY)  # ten times a second, as soon as the link has room
 TELEMETRY = Row("telemetry", 5.0, 0.50, 0.005, OnFault.RETRY)

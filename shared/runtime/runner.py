@@ -35,6 +35,7 @@ class Row:
     max_age_s: float  # an output older than this is stale
     budget_s: float  # the time one tick may take
     on_fault: OnFault
+    priority: int = 0  # of its thread among the FIFO threads of the system, where it asks for one; 0: an ordinary one
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,10 +101,17 @@ class _Guarded:
 
 
 class ThreadRunner:
-    """One thread per task, in real time."""
+    """One thread per task, in real time. `prepare` is called in each thread before its first tick."""
 
-    def __init__(self, tasks: Sequence[Task], clock: Clock, on_fault: FaultHandler) -> None:
+    def __init__(
+        self,
+        tasks: Sequence[Task],
+        clock: Clock,
+        on_fault: FaultHandler,
+        prepare: Callable[[Row], None] | None = None,
+    ) -> None:
         self._clock = clock
+        self._prepare = prepare
         self._stop = threading.Event()
         self._guarded = [_Guarded(task, clock, on_fault) for task in tasks]
         self._threads = [
@@ -128,6 +136,8 @@ class ThreadRunner:
         return [thread.name for thread in self._threads if thread.is_alive()]
 
     def _run(self, guarded: _Guarded) -> None:
+        if self._prepare is not None:
+            self._prepare(guarded.task.row)
         period_s = 1.0 / guarded.task.row.rate_hz
         due_s = self._clock.now_s()
         while not self._stop.is_set():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import resource
 import signal
 import socket
 import sys
@@ -38,7 +39,13 @@ PATIENCE_S = 60.0
 def _process_is_left_as_it_was() -> Iterator[None]:
     handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
     interval_s = sys.getswitchinterval()
+    priority, highest = resource.getrlimit(resource.RLIMIT_RTPRIO)
+    memory, most = resource.getrlimit(resource.RLIMIT_MEMLOCK)
+    resource.setrlimit(resource.RLIMIT_RTPRIO, (0, highest))
+    resource.setrlimit(resource.RLIMIT_MEMLOCK, (65_536, most))
     yield
+    resource.setrlimit(resource.RLIMIT_RTPRIO, (priority, highest))
+    resource.setrlimit(resource.RLIMIT_MEMLOCK, (memory, most))
     gc.unfreeze()
     sys.setswitchinterval(interval_s)
     for number, handler in handlers.items():
