@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 
 import numpy as np
 import pytest
@@ -281,6 +282,22 @@ def test_nobody_at_the_port_is_an_error(attach, clock: MonotonicClock, values_mm
     server.is_silent = True
     with pytest.raises(DeviceError, match="no scanner answers"):
         HokuyoScanner(config(server, answer_timeout_s=0.01), clock)
+
+
+def test_a_failed_opening_leaves_nothing_open(attach, clock: MonotonicClock, values_mm: Values) -> None:
+    server = attach(ScipSensor(values_mm))
+    server.is_silent = True
+    with pytest.raises(DeviceError, match="no scanner answers"):
+        HokuyoScanner(config(server, answer_timeout_s=0.01), clock)
+    server.is_silent = False
+    HokuyoScanner(config(server), clock).close()  # neither the port's lock nor the only connection is taken
+
+
+def test_a_missing_library_is_named(attach, clock: MonotonicClock, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "hokuyolx", None)
+    monkeypatch.delitem(sys.modules, "robot_app.drivers.scip_client", raising=False)
+    with pytest.raises(DeviceError, match="package hokuyolx is not installed"):
+        HokuyoScanner(config(attach(ScipSensor(None))), clock)
 
 
 def test_a_scanner_without_scans_is_an_error(attach, clock: MonotonicClock) -> None:

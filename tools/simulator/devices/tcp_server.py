@@ -16,12 +16,12 @@ _WRITE_TIMEOUT_S = 1.0
 class TcpServer:
     """Answers what comes from who is connected with what `answer` makes of it, in its own thread.
 
-    The next who connects is served when the one before has gone.
+    The next who connects is served when the one before has gone. `port` 0: any that is free.
     """
 
-    def __init__(self, answer: Callable[[bytes], bytes]) -> None:
+    def __init__(self, answer: Callable[[bytes], bytes], port: int = 0) -> None:
         self._answer = answer
-        self._listener = socket.create_server(("127.0.0.1", 0))
+        self._listener = socket.create_server(("127.0.0.1", port))
         self.address = f"127.0.0.1:{self._listener.getsockname()[1]}"
         self.is_silent = False
         self._peer: socket.socket | None = None
