@@ -53,6 +53,7 @@ class _Ports:
         self._config = config
         self._clock = clock
         self._transceivers: dict[str, Transceiver] = {}
+        self._serial: dict[int, SerialPort] = {}  # of a radio; also one that was lost, until it is opened again
         self._is_closed = False
         self._lock = threading.Lock()
 
@@ -60,18 +61,12 @@ class _Ports:
         path, colon, letter = name.rpartition(":")
         if colon and letter in _RADIO_OF:
             return lambda: self._behind_transceiver(radio, path, _RADIO_OF[letter])
-        last: list[SerialPort] = []
-
-        def open_serial() -> Es920lr:
-            while last:
-                last.pop().close()
-            last.append(SerialPort(name, self._config.baud_rate))
-            return self._driver(radio, last[-1], None)
-
-        return open_serial
+        return lambda: self._at_serial_port(radio, name)
 
     def close(self) -> None:
         self._is_closed = True
+        for port in list(self._serial.values()):
+            port.close()
         if not self._lock.acquire(timeout=_CLOSE_S):
             return  # a transceiver is being opened, and closed as soon as it is
         try:
@@ -79,6 +74,14 @@ class _Ports:
                 transceiver.close()
         finally:
             self._lock.release()
+
+    def _at_serial_port(self, radio: int, name: str) -> Es920lr:
+        if radio in self._serial:
+            self._serial.pop(radio).close()
+        port = self._serial[radio] = SerialPort(name, self._config.baud_rate)
+        if self._is_closed:  # while it was being opened
+            port.close()
+        return self._driver(radio, port, None)
 
     def _behind_transceiver(self, radio: int, path: str, index: int) -> Es920lr:
         with self._lock:

@@ -8,11 +8,16 @@ import select
 import threading
 import tty
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from shared.link.base import LinkError
+from shared.link.pairing import Pairing
+from shared.link.radio_config import RadioConfig
+from shared.link.radios import open_pair
 from shared.link.serial_port import SerialPort
+from shared.runtime.clock import MonotonicClock
 
 
 class Wire:
@@ -126,3 +131,20 @@ def test_a_closed_port_says_so(port: SerialPort) -> None:
     for action in (lambda: port.read(0.0), lambda: port.write(b"x"), lambda: port.set_baud_rate(9_600)):
         with pytest.raises(LinkError, match="the port is closed"):
             action()
+
+
+def test_a_link_that_is_closed_lets_go_of_a_port_that_takes_no_bytes(
+    wire: Wire, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stuck(port: SerialPort, data: bytes) -> None:
+        raise LinkError(f"{port.name}: takes no bytes")
+
+    monkeypatch.setattr(SerialPort, "write", stuck)
+    clock = MonotonicClock()
+    pair = open_pair(RadioConfig((wire.path,)), Pairing(Path(), "", bytes(32)), clock, is_robot=False, has_wifi=False)
+    until_s = clock.now_s() + 20.0
+    while not pair.health.radios[0].fault and clock.now_s() < until_s:
+        pair.receive(0.01)
+    assert "takes no bytes" in pair.health.radios[0].fault
+    pair.close()
+    SerialPort(wire.path, 115_200).close()
