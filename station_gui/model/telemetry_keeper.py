@@ -12,6 +12,8 @@ from station_gui.model.view import Severity
 
 _ANOTHER_START_S = 5.0  # telemetry that is so much older than the last is of a robot that began anew
 
+_NOT_IN_PULSE = ("following_goal", "faults", "late_ticks")
+
 
 class TelemetryKeeper:
     """Tells the journal what changed. Written by one thread, read by any."""
@@ -19,7 +21,8 @@ class TelemetryKeeper:
     def __init__(self, journal: Journal) -> None:
         self._journal = journal
         self._latest: Latest[Telemetry] = Latest()
-        self._reported_s = -math.inf  # robot's time of the last report
+        self._reported_s = -math.inf  # robot's time of the last report …
+        self._whole_s = -math.inf  # … and of the last whole one
 
     @property
     def telemetry(self) -> Telemetry | None:
@@ -30,16 +33,27 @@ class TelemetryKeeper:
         return self._latest.age_s(now_s)
 
     def take(self, report: Telemetry | Pulse, now_s: float) -> None:
-        """`now_s`: station's time. A report that another one has overtaken on its way is left out."""
-        if 0 < self._reported_s - report.stamp_s < _ANOTHER_START_S:
+        """`now_s`: station's time. Of a report that another one has overtaken on its way only what a pulse does not say
+        counts.
+        """
+        before = self._latest.stamped()
+        if before is not None and 0 < self._reported_s - report.stamp_s < _ANOTHER_START_S:
+            if isinstance(report, Telemetry) and report.stamp_s > self._whole_s:
+                self._whole_s = report.stamp_s
+                self._renew(replace(before.value, **{name: getattr(report, name) for name in _NOT_IN_PULSE}), before)
             return
         self._reported_s = report.stamp_s
-        before = self._latest.stamped()
+        if isinstance(report, Telemetry):
+            self._whole_s = report.stamp_s
         telemetry = report if isinstance(report, Telemetry) else _completed(report, before)
         if before is not None and 0 < before.value.stamp_s - telemetry.stamp_s < _ANOTHER_START_S:
             telemetry = _with_motion_of(before.value, telemetry)  # an observation was faster
         self._latest.put(telemetry, now_s)
         self._tell(telemetry, before.value if before is not None else None)
+
+    def _renew(self, telemetry: Telemetry, before: Stamped[Telemetry]) -> None:
+        self._latest.put(telemetry, before.stamp_s)
+        self._tell(telemetry, before.value)
 
     def take_motion(self, observation: Observation, now_s: float) -> None:
         """Over LoRa observations come oftener than pulses."""

@@ -56,6 +56,19 @@ def test_a_report_that_another_has_overtaken_changes_nothing() -> None:
     assert told == ["mission: command", "robot: camera: lost"]
 
 
+def test_a_fault_that_a_pulse_has_overtaken_is_told() -> None:
+    kept, journal = keeper()
+    kept.take(samples.telemetry(stamp_s=1.0, state=MissionState.OBSERVE, faults=()), 0.0)
+    kept.take(samples.pulse(stamp_s=3.0, state=MissionState.COMMAND), 0.1)
+    for _ in range(2):
+        kept.take(samples.telemetry(stamp_s=2.0, state=MissionState.OBSERVE, faults=("camera: lost",)), 0.2)
+    kept.take(samples.telemetry(stamp_s=1.5, state=MissionState.OBSERVE, faults=("imu: lost",)), 0.3)
+    assert kept.telemetry is not None
+    assert (kept.telemetry.state, kept.telemetry.stamp_s) == (MissionState.COMMAND, 3.0)
+    assert kept.telemetry.faults == ("camera: lost",)
+    assert [e.text for e in journal.since(0)] == ["mission: observe", "mission: command", "robot: camera: lost"]
+
+
 def test_a_robot_that_began_anew_is_believed_although_its_clock_went_back() -> None:
     kept, journal = keeper()
     kept.take(samples.telemetry(stamp_s=300.0, faults=()), 0.0)
