@@ -19,12 +19,14 @@ class Pieces:
 
     `ends_m`: (N, 2, 3); upright ones go from below to above. `upright`: (N,) uint8. `weight`: (N,), one over the
     variance across. `cut`: (N, 2), 1 for an end where the image ends, not the edge.
+    `sure`: (N,), seen from so near that it is a surface's end, not the end of what the camera can measure.
     """
 
     ends_m: FloatArray
     upright: NDArray[np.uint8]
     weight: FloatArray
     cut: FloatArray
+    sure: NDArray[np.bool_]
 
 
 def pieces_of(objects: ObjectNetwork, config: FusionConfig, camera: CameraView) -> Pieces:
@@ -41,7 +43,8 @@ def pieces_of(objects: ObjectNetwork, config: FusionConfig, camera: CameraView) 
     ends_m[swap] = ends_m[swap, ::-1]
     away_m = np.linalg.norm(ends_m.mean(axis=1), axis=1)
     deviation_m = config.noise_m + config.noise_per_m * away_m
-    return Pieces(ends_m, upright.astype(np.uint8), deviation_m**-2, _cut(ends_m, camera))
+    sure = ~upright | (ends_m[:, :, 0].mean(axis=1) - camera.x_m <= config.sure_m)
+    return Pieces(ends_m, upright.astype(np.uint8), deviation_m**-2, _cut(ends_m, camera), sure)
 
 
 def _cut(ends_m: FloatArray, camera: CameraView) -> FloatArray:

@@ -77,8 +77,8 @@ class FusedEdges:
     def shown(self) -> Edges:
         """Those that are believed."""
         count = self._count
-        chosen = (self._log_odds[:count] >= self._config.shown_log_odds) & (self._hits[:count] >= 2)
-        picked = np.flatnonzero(chosen)
+        believed = self._log_odds[:count] >= self._config.shown_log_odds
+        picked = np.flatnonzero(believed & (self._hits[:count] >= self._config.shown_views))
         return Edges(self._ends_m[picked], self._upright[picked] == 1, self._hits[picked])
 
     def look(self, scan: int, map_from_robot: Pose2, pieces: Pieces, observation: Observation, *, keep: bool) -> None:
@@ -86,19 +86,23 @@ class FusedEdges:
         pose = map_from_robot.as_array()
         placed_m = map_from_robot.apply_3d(pieces.ends_m.reshape(-1, 3)).reshape(-1, 2, 3)
         hit: set[int] = set()
+        sure: set[int] = set()
         for k in range(len(placed_m)):
             index = self._match(placed_m[k], int(pieces.upright[k]), but=-1)
-            if index < 0 and keep:
+            if index < 0 and keep and pieces.sure[k]:
                 index = self._begin(int(pieces.upright[k]))
             if index >= 0:
                 hit.add(index)
+                if pieces.sure[k]:
+                    sure.add(index)
                 if keep:
                     self._take(index, scan, placed_m[k], pieces, k)
         touched = sorted(hit)
-        for index in touched:
+        for index in sorted(sure):
             self._log_odds[index] = min(self._log_odds[index] + self._config.hit_log_odds, self._config.most_log_odds)
             self._hits[index] += keep
-            if keep:
+        if keep:
+            for index in touched:
                 self._fuse(index)
         self._count_misses(pose, observation, hit)
         for index in reversed(touched):

@@ -186,3 +186,16 @@ def joined(a: ObjectNetwork, b: ObjectNetwork) -> ObjectNetwork:
     return ObjectNetwork(
         np.concatenate((a.nodes_m, b.nodes_m)), np.concatenate((a.edges, b.edges + np.uint16(len(a.nodes_m))))
     )
+
+
+def test_an_upright_edge_that_was_seen_from_far_alone_is_not_believed() -> None:
+    post = ObjectNetwork(np.array([[3.0, 0, 0], [3.0, 0, 0.6]], np.float32), np.array([[0, 1]], np.uint16))
+    rig = Rig(FUSED)
+    for k in range(3):
+        pose = Pose2(0.06 * k - 0.3, 0, 0)
+        rig.see(pose, seen_from(pose, post))
+    assert len(rig.map().segments_m) == 0
+    for k in range(3):
+        pose = Pose2(0.06 * k + 0.6, 0, 0)
+        rig.see(pose, seen_from(pose, post))
+    assert len(rig.map().segments_m) == 1

@@ -91,3 +91,11 @@ def test_pieces_are_upright_or_level_and_cut_at_the_images_border() -> None:
 def test_what_is_not_finite_is_no_piece() -> None:
     network = ObjectNetwork(np.array([[1, 0, 0], [1, 0, np.nan]], np.float32), np.array([[0, 1]], np.uint16))
     assert len(pieces_of(network, FusionConfig(), CAMERA).ends_m) == 0
+
+
+def test_an_upright_edge_is_sure_from_near_and_a_level_one_always() -> None:
+    nodes = np.array([[2.7, 0, 0], [2.7, 0, 0.5], [2.9, 0, 0], [2.9, 0, 0.5], [2.9, 0.6, 0.5]], np.float32)
+    network = ObjectNetwork(nodes, np.array([[0, 1], [2, 3], [3, 4]], np.uint16))
+    pieces = pieces_of(network, FusionConfig(), CAMERA)
+    assert pieces.upright.tolist() == [1, 1, 0]
+    assert pieces.sure.tolist() == [True, False, True]
