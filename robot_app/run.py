@@ -12,6 +12,7 @@ from collections.abc import Callable
 from robot_app import schedule
 from robot_app.app import RobotApp
 from robot_app.service import ServiceManager
+from robot_app.timing import timing_report
 from shared.runtime.clock import Clock
 from shared.runtime.runner import Row, TaskHealth, ThreadRunner
 
@@ -45,6 +46,7 @@ def run_robot(
     app.use_health(lambda: runner.health)
     gc.collect()
     gc.freeze()
+    began_s = clock.now_s()
     runner.start()
     try:
         on_ready()
@@ -57,6 +59,8 @@ def run_robot(
             service.stopping()
             left = runner.stop()
             app.shut_down()
+        for line in timing_report(runner.health, clock.now_s() - began_s):
+            _log.info("%s", line)
         if left:
             _log.error("these tasks did not end in time: %s", ", ".join(left))
 

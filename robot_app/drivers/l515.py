@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
+
 from robot_app.drivers.arrival import ArrivalFilter
 from robot_app.drivers.base import DepthImage, DeviceError
 from robot_app.drivers.camera_process.program import Lens
@@ -34,13 +36,12 @@ class RealSenseCamera:
         self._is_open = self._is_started = False
         self._silent = False
         self._intrinsics: Intrinsics | None = None
-        try:
+        with ExitStack() as opened:
+            opened.callback(self._drop)
             self._open()
             while not self._is_started:
                 self._look_for_start(_LOOK_S)
-        except BaseException:
-            self._drop()
-            raise
+            opened.pop_all()
 
     @property
     def intrinsics(self) -> Intrinsics:

@@ -16,6 +16,7 @@ from shared.runtime.clock import Clock, ManualClock, stopwatch_s
 
 _log = logging.getLogger(__name__)
 _JOIN_TIMEOUT_S = 3.0
+LATE_S = 0.005  # half a period of the fastest task
 
 
 class OnFault(Enum):
@@ -51,10 +52,16 @@ class TaskHealth:
         self.row = row
         self.ticks = 0
         self.skipped = 0
+        self.late = 0  # of the ticks, those that began more than LATE_S after they were due
+        self.latest_s = 0.0
         self.over_budget = 0
         self.longest_s = 0.0
         self.last_good_s = float("-inf")
         self.fault: str | None = None
+
+    def began(self, late_s: float) -> None:
+        self.late += late_s > LATE_S
+        self.latest_s = max(self.latest_s, late_s)
 
     def finished(self, now_s: float, took_s: float) -> None:
         self.ticks += 1
@@ -139,15 +146,16 @@ class ThreadRunner:
         if self._prepare is not None:
             self._prepare(guarded.task.row)
         period_s = 1.0 / guarded.task.row.rate_hz
-        due_s = self._clock.now_s()
+        due_s, missed_s = self._clock.now_s(), 0.0
         while not self._stop.is_set():
+            guarded.health.began(self._clock.now_s() - due_s + missed_s)
             guarded.tick()
             due_s += period_s
             late_s = self._clock.now_s() - due_s
-            if late_s > period_s:
-                missed = int(late_s / period_s)
-                guarded.health.skipped += missed
-                due_s += missed * period_s
+            missed = int(late_s / period_s) if late_s > period_s else 0
+            guarded.health.skipped += missed
+            missed_s = missed * period_s
+            due_s += missed_s
             if self._clock.wait(self._stop, due_s):
                 return
 

@@ -94,3 +94,25 @@ def test_ticks_that_come_too_late_are_counted_and_not_made_up() -> None:
     runner.stop()
     assert calls[:4] == pytest.approx([0.0, 0.1, 0.65, 0.7])
     assert runner.health[0].skipped >= 4
+    assert runner.health[0].late >= 1
+    assert runner.health[0].latest_s == pytest.approx(0.45)  # of the tick after the long one
+
+
+def test_each_thread_is_prepared_before_its_first_tick() -> None:
+    seen: list[tuple[str, str]] = []
+    done = threading.Event()
+
+    def step() -> None:
+        seen.append(("tick", threading.current_thread().name))
+        done.set()
+
+    runner = ThreadRunner(
+        [Task(row("t", 1.0), step)],
+        MonotonicClock(),
+        no_fault,
+        lambda r: seen.append((r.name, threading.current_thread().name)),
+    )
+    runner.start()
+    assert done.wait(5.0)
+    runner.stop()
+    assert seen[:2] == [("t", "t"), ("tick", "t")]
