@@ -235,6 +235,7 @@ class TcpServerLink(_TcpEnd):
         self._clock = clock
         self._farewell = farewell
         self._heard_s = 0.0
+        self._told_host = ""  # was turned away last
         try:
             self._listener: socket.socket | None = socket.create_server((host, port), backlog=2)
         except (OSError, OverflowError) as error:
@@ -311,7 +312,7 @@ class TcpServerLink(_TcpEnd):
                 peer.flush()
                 peer.read()
             except LinkError as error:
-                _log.warning("turned away: %s", error)
+                self._tell_turned_away(peer, error)
                 peer.close()
                 continue
             if peer.is_ready:
@@ -322,6 +323,12 @@ class TcpServerLink(_TcpEnd):
                 peer.close()
         self._knocking = still
 
+    def _tell_turned_away(self, peer: _Peer, error: LinkError) -> None:
+        """Once for whoever tries again and again."""
+        host = peer.name.rpartition(":")[0]
+        _log.log(logging.DEBUG if host == self._told_host else logging.WARNING, "turned away: %s", error)
+        self._told_host = host
+
     def _welcome(self, newcomer: _Peer) -> None:
         now_s = self._clock.now_s()
         if self._peer is not None:
@@ -330,6 +337,7 @@ class TcpServerLink(_TcpEnd):
                 return
             self._drop(self._peer)
         self._peer = newcomer
+        self._told_host = ""
         self.resets += 1
         self._heard_s = now_s
 

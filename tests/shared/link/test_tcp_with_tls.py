@@ -81,6 +81,16 @@ def test_one_with_another_file_is_turned_away_on_both_sides(robot: Served, other
     assert not robot.link.connected
 
 
+def test_who_knocks_again_and_again_is_told_once(
+    robot: Served, pairing: Pairing, other: Pairing, caplog: pytest.LogCaptureFixture
+) -> None:
+    for _ in range(3):
+        with pytest.raises(LinkError):
+            TcpClientLink("127.0.0.1", robot.link.port, 5.0, other)
+    TcpClientLink("127.0.0.1", robot.link.port, 5.0, pairing).close()
+    assert [r.levelname for r in caplog.records if "turned away" in r.getMessage()] == ["WARNING"]
+
+
 def test_a_station_without_a_file_is_not_heard(robot: Served) -> None:
     station = TcpClientLink("127.0.0.1", robot.link.port, 5.0)
     with pytest.raises(LinkError):
