@@ -48,8 +48,8 @@ class FusionConfig:
     turn_rad: float = math.radians(15.0)
     longest_m: float = 2.5  # a longer level edge is kept in pieces
     views: int = 40  # of an edge that are kept, the best; bounds time and memory
-    # Of the upright edges seen in a simulated flat 1 % of those nearer than 2 m, 4 % at 2 to 2.5 m and 20 % of the farther
-    # ones are no corner of anything: there the camera's measurement ends, in the middle of a surface.
+    # Of the upright edges seen in a simulated flat 1 % of those nearer than 2 m, 4 % at 2 to 2.5 m and 20 % of the
+    # farther ones are no corner of anything: there the camera's measurement ends, in the middle of a surface.
     sure_m: float = 2.5  # of depth: farther upright edges begin nothing and are no evidence
     noise_m: float = 0.008  # of an edge seen from near: pose and extraction …
     noise_per_m: float = 0.004  # … and for each metre of distance
