@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +15,15 @@ from robot_app.drivers.config import ScannerConfig
 from robot_app.drivers.hokuyo import HokuyoScanner
 from shared.runtime.clock import ManualClock, MonotonicClock
 from tools.simulator.devices.pty_server import PtyServer
-from tools.simulator.devices.scip_sensor import UBG_04LX, UST_10LX, Mode, ScipSensor, scan_reply
+from tools.simulator.devices.scip_sensor import (
+    UBG_04LX,
+    UST_10LX,
+    CapturedSensor,
+    Mode,
+    ScipSensor,
+    read_session,
+    scan_reply,
+)
 from tools.simulator.devices.tcp_server import TcpServer
 
 PATIENCE_S = 5.0
@@ -71,6 +80,39 @@ def test_a_scan_that_was_read_late_keeps_its_stamp(attach, values_mm: Values) ->
     clock.advance(0.078)
     server.send(sensor.scan(values_mm))  # measured 28 ms after the other one
     assert read(scanner).stamp_s - first.stamp_s == pytest.approx(0.028, abs=1e-3)
+    scanner.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "product", "beams", "turn_s", "ends_deg", "request_sent"),
+    [
+        ("example_urg_04lx", "URG-04LX", 682, 0.1, (-119.53, 119.88), b"MS0044072501000"),
+        ("example_utm_30lx", "TOP-URG UTM-30LX", 1081, 0.025, (-135, 135), b"MS0000108001000"),
+        ("example_uxm_30lx_e", "Tough-URG UXM-30LX-E", 761, 0.05, (-95, 95), b"MS0000076001000"),
+    ],
+)
+def test_a_real_scanner_is_opened_by_its_captured_bytes(
+    attach,
+    clock: MonotonicClock,
+    scip_data: Path,
+    name: str,
+    product: str,
+    beams: int,
+    turn_s: float,
+    ends_deg: tuple[float, float],
+    request_sent: bytes,
+) -> None:
+    room_mm = np.arange(beams) + 1000
+    sensor = CapturedSensor(read_session(scip_data, name), room_mm)
+    server = attach(sensor)
+    scanner = HokuyoScanner(config(server), clock)
+    assert (scanner.identity.product, scanner.identity.state) == (f"SOKUIKI Sensor {product}", "Sensor works well.")
+    assert sensor.requests[-1] == request_sent
+    geometry = scanner.geometry
+    assert geometry.beam_interval_s * scanner.parameters.steps_per_turn == pytest.approx(turn_s)
+    np.testing.assert_allclose(np.degrees(geometry.angles_rad(beams)[[0, -1]]), ends_deg, atol=0.01)
+    server.send(sensor.scan(room_mm[::-1]))
+    np.testing.assert_array_equal(read(scanner).ranges_m, expected_m(room_mm[::-1]))
     scanner.close()
 
 

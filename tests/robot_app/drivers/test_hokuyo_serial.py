@@ -13,7 +13,7 @@ from robot_app.drivers.config import ScannerConfig
 from robot_app.drivers.hokuyo import HokuyoScanner
 from shared.runtime.clock import ManualClock, MonotonicClock
 from tools.simulator.devices.pty_server import PtyServer
-from tools.simulator.devices.scip_sensor import CapturedSensor, Mode, ScipSensor, read_session
+from tools.simulator.devices.scip_sensor import Mode, ScipSensor
 
 PATIENCE_S = 5.0
 Values = NDArray[np.int_]
@@ -27,19 +27,6 @@ def read(scanner: HokuyoScanner) -> RawScan:
     scan = scanner.read(PATIENCE_S)
     assert scan is not None
     return scan
-
-
-def test_a_real_urg_04lx_is_opened_by_its_captured_bytes(
-    plug, clock: MonotonicClock, scip_data: Path, values_mm: Values
-) -> None:
-    sensor = CapturedSensor(read_session(scip_data, "example_urg_04lx"), values_mm)
-    scanner = HokuyoScanner(config(plug(sensor)), clock)
-    assert scanner.identity.product == "SOKUIKI Sensor URG-04LX"
-    assert scanner.identity.serial == "H0706400"
-    assert scanner.identity.state == "Sensor works well."
-    assert scanner.parameters.turns_per_minute == 600
-    assert scanner.geometry.beam_interval_s * 1024 == pytest.approx(0.1)
-    scanner.close()
 
 
 def test_the_stamp_is_that_of_beam_zero(plug, values_mm: Values) -> None:
