@@ -107,6 +107,10 @@ class ScipSensor:
         self._newest = values
         return scan_reply(self._stream_echo, self.time_ms, values, _characters(self._stream_echo))
 
+    def simulated_scan(self, ranges_m: NDArray[np.float32]) -> bytes:
+        """The same of a scan of the simulator, (B,) with NaN where it measured nothing."""
+        return self.scan(np.rint(np.nan_to_num(ranges_m, nan=0.0).astype(np.float64) * 1000).astype(np.int_))
+
     def _answer(self, line: bytes) -> bytes:
         self.requests.append(line)
         if self.mode is Mode.SCIP_1_1:
