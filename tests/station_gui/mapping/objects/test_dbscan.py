@@ -81,3 +81,15 @@ def test_a_point_belongs_to_the_nearest_line_within_reach() -> None:
 
 def test_nothing_has_no_clusters() -> None:
     assert len(cluster_lines(np.zeros((0, 2, 2)), np.zeros(0, np.int64), STEP_2)) == 0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_nearest_lines_are_those_that_a_look_at_all_of_them_finds(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points, starts = rng.uniform(0, 3, (200, 2)), rng.uniform(0, 3, (30, 1, 2))
+    lines = starts + np.concatenate((np.zeros((30, 1, 2)), rng.uniform(-0.6, 0.6, (30, 1, 2))), axis=1)
+    labels = rng.integers(-1, 8, 30)
+    away = np.array([[_kernels.point_from_line.py_func(x, y, line, 1.0) for line in lines] for x, y in points])
+    away[:, labels < 0] = np.inf
+    expected = np.where(away.min(axis=1) <= 0.1, labels[away.argmin(axis=1)], -1)
+    np.testing.assert_array_equal(nearest_clusters(points, lines, labels, 0.1), expected)

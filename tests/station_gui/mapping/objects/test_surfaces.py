@@ -97,3 +97,23 @@ def test_the_same_things_give_the_same_map_bit_for_bit_and_nothing_is_remembered
     fresh = build(BOX, BOX_CELLS)
     np.testing.assert_array_equal(again.segments_m, fresh.segments_m)
     np.testing.assert_array_equal(again.panels.corners_m, fresh.panels.corners_m)
+
+
+def test_a_map_that_grew_is_the_same_as_one_that_was_made_at_once() -> None:
+    fitter = LineFitter(ReferenceConfig(), np.random.default_rng(1))
+    builder = ObjectBuilder(SurfaceConfig(), ReferenceConfig(), fitter)
+    wall, more = cells_along((-1.0, 0, 0.6, 0)), cells_along((0.6, 0.02, 0.6, 0.4), (2.0, 0, 2.0, 1.3))
+    lines = np.array([[[-1.0, 0.0], [0.6, 0.0]]])
+    one_post = edges_of([[0, 0, 0.01, 0.41]], [])
+    builder.build(one_post, lines, wall, CELL_M)
+    builder.build(BOX, lines, wall, CELL_M)
+    grown, fresh = (
+        each.build(BOX, lines, np.concatenate((wall, more)), CELL_M)
+        for each in (builder, ObjectBuilder(SurfaceConfig(), ReferenceConfig(), fitter))
+    )
+    for a, b in zip(
+        (grown.segments_m, grown.cluster, grown.panels.corners_m, grown.panels.kind),
+        (fresh.segments_m, fresh.cluster, fresh.panels.corners_m, fresh.panels.kind),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(a, b)
