@@ -18,7 +18,8 @@ class LatticeConfig:
     max_states: int = 12_000_000  # the search's cells grow with the map beyond this
     expansions: int = 8_000  # for a way that is cheaper than one that is known
     max_expansions: int = 100_000  # for any way
-    batch: int = 2_000  # between two looks at the clock
+    pocket: int = 20_000  # poses: a goal that is joined to fewer, and not to the start, is refused at once
+    batch: int = 500  # between two looks at the clock, which are some 5 ms apart then
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +27,9 @@ class TreeConfig:
     """Of RRT* and of RRT."""
 
     first_samples: int = 2000  # of RRT, for any way
+    first_detour: float = (
+        1.3  # every other batch of RRT is drawn where ways lead that are so much longer than the least
+    )
     samples: int = 600  # of RRT*, for a better one: a count and no time, so that the same map gives the same path
     most_samples: int = 20_000  # of RRT where it is the method
     batch: int = 100  # between two looks at the clock

@@ -51,8 +51,9 @@ def make_costmap(
     unknown = ~occupied & (grid.probability > config.free_probability)
     unknown &= ~_specks(unknown, occupied, config.speck_m2 / grid.cell_m**2)
     if map_from_robot is not None:
-        occupied &= ~_near_car(grid, car, map_from_robot, grid.cell_m / 2)
-        unknown &= ~_near_car(grid, car, map_from_robot, config.blind_m)
+        rows, columns = _window(grid, car, map_from_robot, config.blind_m)
+        occupied[rows, columns] &= ~_near_car(grid, car, map_from_robot, rows, columns, grid.cell_m / 2)
+        unknown[rows, columns] &= ~_near_car(grid, car, map_from_robot, rows, columns, config.blind_m)
     free = np.pad(~(occupied | unknown), 1, constant_values=False)  # beyond the map nothing is known
     distance = ndimage.distance_transform_edt(free)[1:-1, 1:-1]
     clearance = np.maximum(distance - 0.5, 0.0) * grid.cell_m
@@ -62,17 +63,33 @@ def make_costmap(
 def _specks(unknown: NDArray[np.bool_], occupied: NDArray[np.bool_], cells: float) -> NDArray[np.bool_]:
     """Small unknown spots that no obstacle touches: what lies inside an obstacle stays unknown."""
     labels, count = ndimage.label(unknown)
-    sizes = ndimage.sum_labels(unknown, labels, np.arange(count + 1))
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)
     beside_obstacle = np.zeros(count + 1, bool)
-    beside_obstacle[np.unique(labels[ndimage.binary_dilation(occupied)])] = True
-    small: NDArray[np.bool_] = ((sizes < cells) & ~beside_obstacle)[labels] & unknown
-    return small
+    beside_obstacle[labels[1:][occupied[:-1]]] = True
+    beside_obstacle[labels[:-1][occupied[1:]]] = True
+    beside_obstacle[labels[:, 1:][occupied[:, :-1]]] = True
+    beside_obstacle[labels[:, :-1][occupied[:, 1:]]] = True
+    small = (sizes < cells) & ~beside_obstacle
+    small[0] = False  # what is not unknown
+    of_specks: NDArray[np.bool_] = small[labels]
+    return of_specks
 
 
-def _near_car(grid: GridMap, car: CarGeometry, map_from_robot: Pose2, slack: float) -> NDArray[np.bool_]:
-    rows, columns = grid.probability.shape
-    x = grid.origin_m[0] + (np.arange(columns) + 0.5) * grid.cell_m
-    y = grid.origin_m[1] + (np.arange(rows) + 0.5) * grid.cell_m
+def _window(grid: GridMap, car: CarGeometry, map_from_robot: Pose2, slack: float) -> tuple[slice, slice]:
+    """The rows and columns in which the car can be."""
+    reach = math.hypot(max(car.rear_m, car.front_m), car.width_m / 2) + 2 * slack + grid.cell_m
+    place = (map_from_robot.y_m - grid.origin_m[1], map_from_robot.x_m - grid.origin_m[0])
+    low, high = ([max(0, math.floor((at + side) / grid.cell_m)) for at in place] for side in (-reach, reach))
+    return slice(low[0], high[0] + 1), slice(low[1], high[1] + 1)
+
+
+def _near_car(
+    grid: GridMap, car: CarGeometry, map_from_robot: Pose2, rows: slice, columns: slice, slack: float
+) -> NDArray[np.bool_]:
+    """Whether the cells of some rows and columns are under the car or no farther from it than the slack."""
+    height, width = grid.probability.shape
+    x = grid.origin_m[0] + (np.arange(width)[columns] + 0.5) * grid.cell_m
+    y = grid.origin_m[1] + (np.arange(height)[rows] + 0.5) * grid.cell_m
     centres = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     at = map_from_robot.inverse().apply(centres)
     inside = (
@@ -80,4 +97,4 @@ def _near_car(grid: GridMap, car: CarGeometry, map_from_robot: Pose2, slack: flo
         & (at[:, 0] <= car.front_m + slack)
         & (np.abs(at[:, 1]) <= car.width_m / 2 + slack)
     )
-    return inside.reshape(rows, columns)
+    return inside.reshape(len(y), len(x))

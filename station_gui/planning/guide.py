@@ -30,6 +30,11 @@ class Guide:
         """Whether a point gets from the start to the goal."""
         return bool(np.isfinite(self.to_goal_m + self.from_start_m).any())
 
+    @property
+    def shortest_m(self) -> float:
+        """The way of a point from the start to the goal."""
+        return float((self.to_goal_m + self.from_start_m).min())
+
     def cells_within_m(self, way_m: float) -> NDArray[np.float64]:
         """(M, 2): the lower left corners of the cells through which a way of that length may lead."""
         both = self.to_goal_m + self.from_start_m

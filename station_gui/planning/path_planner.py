@@ -18,10 +18,12 @@ from station_gui.planning.body import _kernels as body
 from station_gui.planning.config import PlannerConfig
 from station_gui.planning.costmap import Costmap, make_costmap
 from station_gui.planning.guide import Guide, coarsening, make_guide
-from station_gui.planning.lattice.search import LatticeSearch
+from station_gui.planning.lattice.search import LatticeSearch, is_closed_in
 from station_gui.planning.road import MOST_ELEMENTS, Road, body_clearance_m, walk
 from station_gui.planning.rrt import Tree
 from station_gui.planning.target import Target
+
+_ROUNDS = 3  # of shortcuts at the end, at most; one for a way that is only a beginning
 
 
 class Refusal(Enum):
@@ -104,7 +106,7 @@ class PathPlanner:
         """Elements (M, 2) of the way by the method that is configured."""
         tree = self._config.tree
         if self._config.method == "rrt":
-            found = self._explore(road, guide, goal, tree.most_samples, time_is_up)
+            found = self._explore(road, guide, goal, tree.most_samples, _ROUNDS, time_is_up)
             if found is None:
                 raise PlanningError(Refusal.NOT_FOUND)
             return found
@@ -113,32 +115,34 @@ class PathPlanner:
             return first
         growing = Tree(road, guide, goal, tree, tree.samples + MOST_ELEMENTS)
         growing.plant(first)
-        better = road.shorten(growing.improve(tree.samples, time_is_up), goal.pose, goal.free_heading)
+        better = road.shorten(growing.improve(tree.samples, time_is_up), goal.pose, goal.free_heading, _ROUNDS)
         return min(first, better, key=road.cost)
 
     def _first(self, road: Road, guide: Guide, goal: Target, time_is_up: Callable[[], bool]) -> NDArray[np.float64]:
         """A way, (M, 2): that of RRT, or a cheaper one of the lattice, which alone can tell that there is none."""
         config = self._config
-        found = self._explore(road, guide, goal, config.tree.first_samples, time_is_up)
+        found = self._explore(road, guide, goal, config.tree.first_samples, 1, time_is_up)
         if found is None:
+            if is_closed_in(road, guide, goal, config.lattice):
+                raise PlanningError(Refusal.NO_WAY)
             search = LatticeSearch(road, guide, goal, config.lattice, config.lattice.max_expansions, math.inf)
             searched = search.find(self._timer(config.give_up_s))
         else:
             search = LatticeSearch(road, guide, goal, config.lattice, config.lattice.expansions, road.cost(found))
             searched = search.find(time_is_up)
         if searched is not None:
-            searched = road.shorten(searched, goal.pose, goal.free_heading)
+            searched = road.shorten(searched, goal.pose, goal.free_heading, rounds=1)
         ways = [way for way in (found, searched) if way is not None]
         if not ways:
             raise PlanningError(Refusal.NO_WAY if search.exhausted else Refusal.NOT_FOUND)
         return min(ways, key=road.cost)
 
     def _explore(
-        self, road: Road, guide: Guide, goal: Target, samples: int, time_is_up: Callable[[], bool]
+        self, road: Road, guide: Guide, goal: Target, samples: int, rounds: int, time_is_up: Callable[[], bool]
     ) -> NDArray[np.float64] | None:
-        """The way by RRT, (M, 2), shortened."""
+        """The way by RRT, (M, 2), shortened in so many rounds."""
         way = Tree(road, guide, goal, self._config.tree, samples + 1).find(samples, time_is_up)
-        return None if way is None else road.shorten(way, goal.pose, goal.free_heading)
+        return None if way is None else road.shorten(way, goal.pose, goal.free_heading, rounds)
 
     def _timer(self, seconds: float) -> Callable[[], bool]:
         """Tells whether so much time has passed since now."""

@@ -12,7 +12,6 @@ from shared.geometry.se2 import Pose2
 from station_gui.planning.body import _kernels as body
 from station_gui.planning.steering import _kernels as steering
 
-_ROUNDS = 3
 _PART_M = 0.25
 MOST_ELEMENTS = 2000
 
@@ -41,10 +40,10 @@ class Road:
         return poses, spent
 
     def shorten(
-        self, elements: NDArray[np.float64], goal: NDArray[np.float64], free_heading: bool
+        self, elements: NDArray[np.float64], goal: NDArray[np.float64], free_heading: bool, rounds: int
     ) -> NDArray[np.float64]:
         """Replace stretches of the way by cheaper free ones until none is found. `elements`: (M, 2)."""
-        for _ in range(_ROUNDS):
+        for _ in range(rounds):
             before = split(elements, _PART_M)
             room = np.zeros((max(len(before), MOST_ELEMENTS), 2))
             room[: len(before)] = before

@@ -69,20 +69,22 @@ class Tree:
         """RRT*: the best way, (M, 2), after so many samples or when the time is up."""
         drawn = 0
         while drawn < samples and not time_is_up():
-            self._grow(min(self._config.batch, samples - drawn), rewire=True)
+            self._grow(min(self._config.batch, samples - drawn), self.best_cost, rewire=True)
             drawn += self._config.batch
         return self._best()
 
     def find(self, samples: int, time_is_up: Callable[[], bool]) -> NDArray[np.float64] | None:
         """RRT: the first way, (M, 2), None when there is none after so many samples or when the time is up."""
         drawn = 0
+        near_m = self._config.first_detour * self._guide.shortest_m
         while drawn < samples and not time_is_up() and not self._at_goal.any():
-            self._grow(self._config.batch, rewire=False)
+            everywhere = drawn // self._config.batch % 2 == 1
+            self._grow(self._config.batch, math.inf if everywhere else near_m, rewire=False)
             drawn += self._config.batch
         return self._best() if self._at_goal.any() else None
 
-    def _grow(self, samples: int, rewire: bool) -> None:
-        targets, to_goal = self._targets(samples, rewire)
+    def _grow(self, samples: int, way_m: float, rewire: bool) -> None:
+        targets, to_goal = self._targets(samples, way_m, rewire)
         road = self._road
         self._count = _kernels.grow(
             road.field_m,
@@ -108,11 +110,10 @@ class Tree:
             self._count,
         )
 
-    def _targets(self, samples: int, rewire: bool) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """(N, 3) poses to grow to, and (N,) which of them are at the goal."""
+    def _targets(self, samples: int, way_m: float, rewire: bool) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """(N, 3) poses to grow to, where ways of `way_m` may lead, and (N,) which of them are at the goal."""
         config, random = self._config, self._random
-        best_m = self.best_cost if rewire else math.inf
-        cells = self._guide.cells_within_m(best_m)
+        cells = self._guide.cells_within_m(way_m)
         targets = np.empty((samples, 3))
         targets[:, :2] = cells[random.integers(len(cells), size=samples)]
         targets[:, :2] += random.uniform(0.0, self._guide.cell_m, (samples, 2))

@@ -12,11 +12,13 @@ from numba import njit
 from numpy.typing import NDArray
 
 from station_gui.planning.steering._kernels import (
+    advance,
     best_connection,
     change_cost,
     copy_elements,
     copy_pose,
     drive_element,
+    pose_cost,
 )
 
 Floats = NDArray[np.float64]
@@ -160,17 +162,20 @@ def search(
             curvature = costs[4] * (move % 3 - 1)
             length = step_m if move < 3 else -step_m
             copy_pose(nodes[node], pose)
-            cost = nodes[node, 3] + change_cost(costs, led[node, 0], led[node, 1], curvature, length)
-            cost += drive_element(field_m, frame, car, start, costs, pose, curvature, length)
-            if cost >= final_cost or count >= len(nodes):
-                continue
+            advance(pose, curvature, length)
             i = int((pose[1] - frame[1]) / way_cell)
             j = int((pose[0] - frame[0]) / way_cell)
-            if i < 0 or j < 0 or i >= rows or j >= columns or way_m[i, j] == math.inf:
+            if i < 0 or j < 0 or i >= rows or j >= columns or way_m[i, j] == math.inf or count >= len(nodes):
                 continue
             h = int((pose[2] / _TURN - math.floor(pose[2] / _TURN)) * headings) % headings
             state = (i * columns + j) * headings + h
-            if cost >= best[state] - 1e-6:
+            cost = nodes[node, 3] + change_cost(costs, led[node, 0], led[node, 1], curvature, length)
+            limit = min(final_cost - way_m[i, j], best[state] - 1e-6) - cost
+            if limit <= step_m * (1.0 if move < 3 else costs[0]):
+                continue
+            copy_pose(nodes[node], pose)
+            cost += drive_element(field_m, frame, car, start, costs, pose, curvature, length, limit)
+            if cost == math.inf:
                 continue
             best[state] = cost
             nodes[count, 0] = pose[0]
@@ -185,6 +190,66 @@ def search(
     counts[0] = count
     counts[1] = size
     return final_cost
+
+
+@njit(nogil=True, cache=True)
+def closed_in(
+    field_m: Floats,
+    frame: Floats,
+    car: Floats,
+    start: Floats,
+    costs: Floats,
+    goal: Floats,
+    free_heading: bool,
+    cell: float,
+    headings: int,
+    step_m: float,
+    near_m: float,
+    seen: NDArray[np.bool_],
+    stack: Floats,
+) -> bool:
+    """Whether a car at the goal gets to no more poses than `stack` (N, 3) has room for, and not `near_m` the start.
+
+    What it drives it can drive in reverse, so that then no car gets to the goal. `seen` (rows, columns, headings) is
+    false everywhere at first; a pose stands for all in its cell.
+    """
+    rows, columns, sectors = seen.shape
+    pose = np.empty(3)
+    size = 0
+    for k in range(headings if free_heading else 1):
+        copy_pose(goal, stack[size])
+        if free_heading:
+            stack[size, 2] = _TURN * k / headings
+        if pose_cost(field_m, frame, car, start, costs, stack[size]) < math.inf:
+            size += 1
+    met = size
+    while size > 0:
+        size -= 1
+        x, y, theta = stack[size]
+        if math.hypot(x - start[0], y - start[1]) < near_m:
+            return False
+        for move in range(6):
+            length = step_m if move < 3 else -step_m
+            curvature = costs[4] * (move % 3 - 1)
+            pose[0], pose[1], pose[2] = x, y, theta
+            advance(pose, curvature, length)
+            i = int((pose[1] - frame[1]) / cell)
+            j = int((pose[0] - frame[0]) / cell)
+            if i < 0 or j < 0 or i >= rows or j >= columns:
+                continue
+            h = int((pose[2] / _TURN - math.floor(pose[2] / _TURN)) * sectors) % sectors
+            if seen[i, j, h]:
+                continue
+            pose[0], pose[1], pose[2] = x, y, theta
+            if drive_element(field_m, frame, car, start, costs, pose, curvature, length, math.inf) == math.inf:
+                continue
+            seen[i, j, h] = True
+            met += 1
+            if met >= len(stack):
+                return False
+            copy_pose(pose, stack[size])
+            size += 1
+    return True
 
 
 @njit(nogil=True, cache=True)

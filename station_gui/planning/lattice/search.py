@@ -15,6 +15,27 @@ from station_gui.planning.road import MOST_ELEMENTS, Road
 from station_gui.planning.target import Target
 
 _MOVES = 6
+_NEAR_START_M = 0.6  # nearer than that the body may have less room than elsewhere
+
+
+def is_closed_in(road: Road, guide: Guide, goal: Target, config: LatticeConfig) -> bool:
+    """Whether a car at the goal would not get away from there, so that there is no way to it either."""
+    seen = np.zeros((*guide.to_goal_m.shape, config.headings), bool)
+    return _kernels.closed_in(
+        road.field_m,
+        road.frame,
+        road.car,
+        road.start,
+        road.costs,
+        goal.pose,
+        goal.free_heading,
+        guide.cell_m,
+        2 * config.headings,
+        config.step_m / 2,
+        _NEAR_START_M,
+        seen,
+        np.empty((config.pocket, 3)),
+    )
 
 
 class LatticeSearch:

@@ -19,6 +19,7 @@ from station_gui.planning.body._kernels import body_clearance
 Floats = NDArray[np.float64]
 _ESCAPE_M = 0.5
 _CHECK_M = 0.03
+_GLANCE_M = 0.25
 _TINY = 1e-9
 _TURN = 2.0 * math.pi
 _QUARTER = 0.5 * math.pi
@@ -71,19 +72,19 @@ def drive_element(
     pose: Floats,
     curvature: float,
     length: float,
+    limit: float,
 ) -> float:
-    """Move `pose` (3,) along an element; returns its cost, infinite when the body does not fit."""
+    """Move `pose` (3,) along an element; returns its cost, infinite when the body does not fit or above the limit."""
     steps = max(1, math.ceil(abs(length) / _CHECK_M))
     step = length / steps
-    weight = 1.0 if step > 0 else costs[0]
-    total = 0.0
+    plain = abs(length) * (1.0 if step > 0 else costs[0])
+    extra = 0.0
     for _ in range(steps):
         advance(pose, curvature, step)
-        tight = pose_cost(field_m, frame, car, start, costs, pose)
-        if tight == math.inf:
+        extra += abs(step) * pose_cost(field_m, frame, car, start, costs, pose)
+        if extra > limit - plain or extra == math.inf:
             return math.inf
-        total += abs(step) * (weight + tight)
-    return total
+    return plain + extra
 
 
 @njit(nogil=True, cache=True)
@@ -112,6 +113,26 @@ def least_cost(costs: Floats, before: Floats, elements: Floats) -> float:
 
 
 @njit(nogil=True, cache=True)
+def _hits(
+    field_m: Floats, frame: Floats, car: Floats, start: Floats, costs: Floats, pose: Floats, elements: Floats
+) -> bool:  # fmt: skip
+    """Whether a glance at a few poses along elements (5, 2) shows that the body does not fit; `pose` stays."""
+    x, y, theta = pose[0], pose[1], pose[2]
+    hit = False
+    for e in range(len(elements)):
+        if hit or abs(elements[e, 1]) < 1e-6:
+            continue
+        parts = math.ceil(abs(elements[e, 1]) / _GLANCE_M)
+        for _ in range(parts):
+            advance(pose, elements[e, 0], elements[e, 1] / parts)
+            if pose_cost(field_m, frame, car, start, costs, pose) == math.inf:
+                hit = True
+                break
+    pose[0], pose[1], pose[2] = x, y, theta
+    return hit
+
+
+@njit(nogil=True, cache=True)
 def drive_elements(
     field_m: Floats,
     frame: Floats,
@@ -124,18 +145,21 @@ def drive_elements(
     limit: float,
 ) -> float:
     """Move `pose` along elements (5, 2); returns their cost, infinite where the body does not fit or at the limit."""
-    curvature = before[0]
-    length = before[1]
-    cost = 0.0
+    cost = least_cost(costs, before, elements)
+    if cost >= limit or _hits(field_m, frame, car, start, costs, pose, elements):
+        return math.inf
     for e in range(len(elements)):
-        if abs(elements[e, 1]) < 1e-6:
+        length = elements[e, 1]
+        if abs(length) < 1e-6:
             continue
-        cost += change_cost(costs, curvature, length, elements[e, 0], elements[e, 1])
-        cost += drive_element(field_m, frame, car, start, costs, pose, elements[e, 0], elements[e, 1])
+        plain = abs(length) * (1.0 if length > 0 else costs[0])
+        # Most ways that cannot pay are given up early so: all that is to come costs at least what it does untight.
+        whole = drive_element(
+            field_m, frame, car, start, costs, pose, elements[e, 0], length, limit - cost + plain
+        )  # fmt: skip
+        cost += whole - plain
         if cost >= limit:
             return math.inf
-        curvature = elements[e, 0]
-        length = elements[e, 1]
     return cost
 
 
@@ -370,7 +394,9 @@ def prices(
         cost = 0.0
         if k > 0:
             cost = change_cost(costs, elements[k - 1, 0], elements[k - 1, 1], elements[k, 0], elements[k, 1])
-        cost += drive_element(field_m, frame, car, start, costs, poses[k + 1], elements[k, 0], elements[k, 1])
+        cost += drive_element(
+            field_m, frame, car, start, costs, poses[k + 1], elements[k, 0], elements[k, 1], math.inf
+        )  # fmt: skip
         spent[k + 1] = spent[k] + cost
 
 
