@@ -8,14 +8,10 @@ import tempfile
 import time
 from pathlib import Path
 
-import numpy as np
-
 from robot_app.config import load_config as load_robot
-from shared.geometry.se2 import Pose2
 from shared.protocol.compact.warm_up import warm_up
 from station_gui.config import load_config as load_station
-from station_gui.mapping.snapshot import GridMap
-from station_gui.planning.path_planner import PathPlanner
+from station_gui.planning.rehearsal import rehearse
 from tools.simulator.lockstep import Lockstep
 from tools.simulator.scenario import find_scenario
 
@@ -41,8 +37,7 @@ def main() -> int:
         system.run(_DRIVE_S)
     system.close()
     system.station.finish_mapping()
-    free = GridMap(np.zeros((150, 150), np.float32), (-1.5, -1.5), 0.02)
-    PathPlanner(station.car, station.planning).plan(free, Pose2(), (0.7, 0.3))
+    rehearse()
     print(f"compiled in {time.monotonic() - began_s:.0f} s")
     return 0
 

@@ -17,6 +17,7 @@ from station_gui.model.goal_figures import GoalFigures, GoalState
 from station_gui.model.journal import Journal
 from station_gui.model.view import Severity
 from station_gui.planning.path_planner import PathPlanner, Plan, PlanningError
+from station_gui.planning.rehearsal import rehearse
 
 _ARRIVED_M = 0.08
 _RESEND_M = 0.02  # the path is sent again when the map has moved its end so far in the odom frame
@@ -72,7 +73,8 @@ class GoalKeeper:
             self._end(GoalState.FORGOTTEN)
 
     def step(self, snapshot: MapSnapshot | None, telemetry: Telemetry | None, slow_link: bool = False) -> None:
-        """Do what is due for the goal."""
+        """Do what is due for the goal. The first time of all it makes the planning ready, which takes a moment."""
+        rehearse()
         self._stands_s = _STANDS_RADIO_S if slow_link else _STANDS_S
         with self._lock:
             asked, self._asked = self._asked, None
