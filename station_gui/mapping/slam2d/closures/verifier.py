@@ -53,9 +53,10 @@ class Verifier:
         if not moved_m <= self._config.max_refinement_m:  # nor where it is not a number
             return None
         known = match.share >= self._config.min_inlier_share
+        held = self._held_share(query, match)
         if not known and not (self._may_be_partial(pair) and (yield from self._agrees(query, match, views, share))):
             return None
-        partial = not known and self._held_share(query, match) < self._config.sure_held_share
+        partial = not known and held < self._config.sure_held_share
         return Closure(pair.old, pair.new, match.pose, match.information, pair.shift_m > 0, partial)
 
     def _may_be_partial(self, pair: Candidate) -> bool:

@@ -20,7 +20,6 @@ from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
 from station_gui.mapping.slam2d.keyframes import Keyframe
 
 _MAX_WAITING = 200
-_CLOSURE_UNITS = 6000  # of judging one and adding it, in products of two 3 × 3 blocks
 
 
 class GraphUpkeep:
@@ -87,7 +86,6 @@ class GraphUpkeep:
                 self._looking = None
                 continue
             if closure is not None:
-                share.take(_CLOSURE_UNITS)
                 self._accept(self._jury.judge(closure, self._graph.poses))
 
     def _accept(self, closures: list[Closure]) -> None:

@@ -96,7 +96,7 @@ class DoubtConfig:
     turn_m: float = 0.6  # with so much for each radian
     standing_m: float = 0.02  # a robot that has gone no farther stands
     patience_scans: int = 8  # in doubt: a robot that stands on after these,
-    units_per_step: int = 20_000  # or has jumped while it stood, gets as many units as one that is lost
+    units_per_step: int = 30_000  # or has jumped while it stood, gets as many units as one that is lost
 
 
 def small_slam() -> GraphSlamConfig:

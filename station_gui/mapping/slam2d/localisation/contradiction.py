@@ -59,9 +59,6 @@ class Contradiction:
     ) -> Generator[None, None, FloatArray]:
         """(2,): the share of the scan's points that the map has looked through, and of the map's that the scan has."""
         near = self._near(pose, before)
-        share.take(before)
-        if share.left <= 0:
-            yield
         near = near[:: max(1, -(-len(near) // self._config.views))]
         views = [View(self._poses[k], self._keyframes[k]) for k in near.tolist()]
         here = View(pose, scan)

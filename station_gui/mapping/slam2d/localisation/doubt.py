@@ -23,8 +23,6 @@ from station_gui.mapping.slam2d.localisation.relocaliser import Relocaliser
 from station_gui.mapping.slam2d.matching.scan_matcher import to_lines
 from station_gui.mapping.slam2d.share import Share, Task
 
-_UNITS_PER_KEYFRAME = 4  # of placing it in the map
-
 
 class Wariness:
     """Which scans are odd, and whether that lasts. While it may, no scan is to enter the map."""
@@ -152,9 +150,6 @@ class Check:
 
     def _look_first(self, scan: PointScan, robot: Pose2) -> Task:
         """Whether there is reason to look round."""
-        self._share.take(_UNITS_PER_KEYFRAME * len(self._poses))
-        if self._share.left <= 0:
-            yield
         lines = to_lines(scan.points_m, scan.origin_m, self._config.trail.normals)
         points_m, normals = lines.points_m.astype(np.float32), lines.normals.astype(np.float32)
         seen = Keyframe(scan.stamp_s, 0, np.zeros(3), points_m, normals, scan.origin_m)

@@ -12,7 +12,7 @@ from station_gui.mapping.slam2d.search import _kernels
 from station_gui.mapping.slam2d.share import Share, Task, at_once
 
 _ROWS_AT_ONCE = 32
-_CELLS_PER_UNIT = 15
+_CELLS_PER_UNIT = 30
 
 
 @dataclass(frozen=True, slots=True, eq=False)
