@@ -57,10 +57,13 @@ class Ads1115:
         gain = FULL_SCALES_V.index(self._config.full_scale_v)
         setting = _START | (_SINGLE_ENDED | channel) << 12 | gain << 9 | _SINGLE_SHOT | _RATE_860 | _NO_COMPARATOR
         self._device.write(_CONFIG, *setting.to_bytes(2, "big"))
-        began_s = self._clock.now_s()
+        due_s = self._clock.now_s() + _GIVE_UP_S
         self._pause(_CONVERSION_S)
-        while not int.from_bytes(self._device.read((_CONFIG, 2))[0], "big") & _START:
-            if self._clock.now_s() - began_s > _GIVE_UP_S:
+        while True:
+            asked_s = self._clock.now_s()  # before the answer: a thread held up after it would give up too early
+            if int.from_bytes(self._device.read((_CONFIG, 2))[0], "big") & _START:
+                break
+            if asked_s > due_s:
                 raise DeviceError(f"{self._device.name}: a conversion does not end")
             self._pause(_POLL_S)
         (data,) = self._device.read((_CONVERSION, 2))
