@@ -114,7 +114,8 @@ class PathPlanner:
         if tree.samples == 0:
             return first
         growing = Tree(road, guide, goal, tree, tree.samples + MOST_ELEMENTS)
-        growing.plant(first)
+        if not growing.plant(first):
+            return first
         better = road.shorten(growing.improve(tree.samples, time_is_up), goal.pose, goal.free_heading, _ROUNDS)
         return min(first, better, key=road.cost)
 

@@ -43,10 +43,15 @@ class Tree:
         self._poses[0] = road.start[:3]
         self._count = 1
 
-    def plant(self, elements: NDArray[np.float64]) -> None:
-        """Put a way to the goal, (M, 2), into the tree."""
+    def plant(self, elements: NDArray[np.float64]) -> bool:
+        """Put a way to the goal, (M, 2), into the tree; not one so tight that it is not free when looked at again.
+
+        Each look along a way is at other poses of it, as far apart as its parts are long.
+        """
         parts = split(elements, _EDGE_M)
         poses, spent = self._road.prices(parts)
+        if not math.isfinite(spent[-1]):
+            return False
         edge = np.zeros((5, 2))
         for k in range(min(len(parts), len(self._poses) - 1)):
             node = self._count
@@ -59,6 +64,7 @@ class Tree:
             self._driven[node] = spent[k + 1] - spent[k] - change
             self._count += 1
         self._at_goal[self._count - 1] = True
+        return True
 
     @property
     def best_cost(self) -> float:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from shared.geometry.ackermann import CarGeometry
 from shared.geometry.se2 import Pose2, wrap_angle
 from station_gui.mapping.snapshot import GridMap
-from station_gui.planning.config import PlannerConfig, TreeConfig
+from station_gui.planning.config import LatticeConfig, PlannerConfig, TreeConfig
 from station_gui.planning.path_planner import PathPlanner, Plan, PlanningError, Refusal
 
 CAR = CarGeometry(0.26, 0.17, 0.04, 0.5, 0.305, 0.045, 0.20)
@@ -203,3 +203,26 @@ def test_a_goal_near_a_wall_is_reached_with_the_rear_to_it_and_nearer_ones_are_r
     assert not _touched(plan.path, grid)
     with pytest.raises(PlanningError, match="too near"):
         _plan(grid, start, (0.07, 2.0))
+
+
+def test_a_goal_in_a_niche_hardly_wider_than_the_car_is_reached_or_refused_wherever_the_niche_is() -> None:
+    for shift in (0.0, 0.02, 0.04):
+        for gap in (0.28, 0.30, 0.32, 0.34):
+            low, high = 2.0 + shift - gap / 2, 2.0 + shift + gap / 2
+            grid = _grid((3.0, 0.0, 4.0, low), (3.0, high, 4.0, 4.0))
+            try:
+                plan = _plan(grid, Pose2(1.0, 1.0, 0.5), (3.3, 2.0 + shift))
+            except PlanningError:
+                continue
+            assert not _touched(plan.path, grid)
+            assert math.isfinite(plan.cost_m)
+
+
+def test_a_goal_that_the_car_could_not_get_away_from_is_refused_without_a_search_of_the_room() -> None:
+    """A pen of 80 cm with a gap through which the rear axle passes, but not the car with its margin."""
+    grid = _grid((2.6, 1.6, 2.64, 2.4), (3.4, 1.6, 3.44, 2.4), (2.6, 1.56, 3.44, 1.6), (2.6, 2.4, 3.44, 2.44))
+    _paint(grid, (2.6, 1.88, 2.64, 2.12), FREE)
+    config = PlannerConfig(lattice=LatticeConfig(max_expansions=1), tree=TreeConfig(first_samples=200))
+    with pytest.raises(PlanningError) as caught:
+        PathPlanner(CAR, config, _never).plan(grid, Pose2(0.7, 2.0, 0.0), (3.1, 2.0))
+    assert caught.value.refusal is Refusal.NO_WAY
