@@ -11,10 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shared.command_line import EXIT_FAILED, EXIT_OK
+from shared.command_line import EXIT_FAILED, EXIT_OK, number_in, whole_number_in
+from shared.command_line import seed as seed_number
 from shared.link.es920lr.airtime import PAUSE_S, airtime_s, carrier_sense_s, packets_per_s
 from shared.link.radio_pair.config import PairConfig
 from tools.evaluate.link.cut import CutFigures, measure_cuts
+from tools.evaluate.link.observed import lab_bytes
+from tools.evaluate.link.quiet import quiet
 from tools.evaluate.link.traffic import Traffic
 from tools.simulator.radio.loss import Bursts, Independent, LossModel
 from tools.simulator.radio.pair_rig import PairRig, link_settings
@@ -22,6 +25,12 @@ from tools.simulator.radio.pair_rig import PairRig, link_settings
 _PACKET_BYTES = 50
 _WARM_UP_S = 5.0
 _DRAIN_S = 120.0
+_SIZES, _WIFI_SIZES = (8, 500), (8, 4_000)  # bytes of an observation: its number is in it; the paper's are 471 and 932
+_EPILOG = """\
+The scenarios send synthetic observations as fast as the link takes them: what the channel carries. What the lab's
+observations take is measured beside that, on the beginning of a mission. `evaluate mission --link lora` is the whole
+mission of the lab over the channel of the scenario `paper`.
+"""
 _FASTEST = link_settings(500_000, 7)
 
 
@@ -79,26 +88,44 @@ class LinkFigures:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.epilog = _EPILOG
     parser.add_argument("--scenario", choices=[*SCENARIOS, "all"], default="all")
-    parser.add_argument("--seconds", type=float, default=120.0, help="simulated, of each scenario (default: 120)")
-    parser.add_argument("--size", type=int, default=110, help="bytes of an observation on LoRa (default: 110)")
-    parser.add_argument("--wifi-size", type=int, default=932, help="the same on Wi-Fi (default: 932, the paper's)")
-    parser.add_argument("--turn", type=float, default=PairConfig().turn_s, metavar="S", help="how often to ask")
-    parser.add_argument("--cuts", type=int, default=100, help="of Wi-Fi, in the scenario cut (default: 100)")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument(
+        "--seconds", type=number_in(1, 3_600), default=120.0, help="simulated, of each scenario (default: 120)"
+    )
+    parser.add_argument(
+        "--size", type=whole_number_in(*_SIZES), default=110, help="bytes of an observation on LoRa (default: 110)"
+    )
+    parser.add_argument(
+        "--wifi-size",
+        type=whole_number_in(*_WIFI_SIZES),
+        default=932,
+        help="the same on Wi-Fi (default: 932, the paper's)",
+    )
+    parser.add_argument(
+        "--turn", type=number_in(0.1, 10.0), default=PairConfig().turn_s, metavar="S", help="how often to ask"
+    )
+    parser.add_argument(
+        "--cuts", type=whole_number_in(1, 1_000), default=100, help="of Wi-Fi, in the scenario cut (default: 100)"
+    )
+    parser.add_argument("--seed", type=seed_number, default=1)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
 def run(args: argparse.Namespace) -> int:
     names = list(SCENARIOS) if args.scenario == "all" else [args.scenario]
     figures: dict[str, LinkFigures | CutFigures] = {}
-    for name in names:
-        figures[name] = _measure(name, args)
-        if not args.json:
-            _print(name, figures[name])
+    with quiet(args.verbose):
+        for name in names:
+            figures[name] = _measure(name, args)
+            if not args.json:
+                _print(f"{name}: {SCENARIOS[name].text}", dataclasses.asdict(figures[name]))
+        lab = lab_bytes(args.seconds, args.seed)
     if args.json:
-        found = {name: _rounded(dataclasses.asdict(f)) for name, f in figures.items()}
+        found = {name: _rounded(dataclasses.asdict(f) | lab) for name, f in figures.items()}
         print(json.dumps(found[names[0]] if len(names) == 1 else found, indent=1))
+    else:
+        _print("bytes of an observation in the lab", lab)
     clean = all(f.lost == f.duplicated == 0 for f in figures.values())
     return EXIT_OK if clean else EXIT_FAILED
 
@@ -175,8 +202,8 @@ def _rounded(figures: dict[str, object]) -> dict[str, object]:
     return {key: tidy(value) for key, value in figures.items()}
 
 
-def _print(name: str, figures: LinkFigures | CutFigures) -> None:
-    print(f"{name}: {SCENARIOS[name].text}")
-    for key, value in _rounded(dataclasses.asdict(figures)).items():
+def _print(title: str, figures: dict[str, object]) -> None:
+    print(title)
+    for key, value in _rounded(figures).items():
         if key != "scenario":
-            print(f"  {key:24} {value}")
+            print(f"  {key:26} {value}")

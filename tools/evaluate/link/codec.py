@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import argparse
 import json
-import logging
 import math
 import statistics
-import sys
 import tempfile
 import time
 from collections import deque
@@ -26,6 +24,7 @@ from shared.protocol.compact.encoder import DETAILS, Encoder
 from shared.recording import MissionReader
 from station_gui.config import load_config as load_station
 from tools.evaluate.link.packings import PACKINGS, PAPER_LORA_BYTES, PAPER_WIFI_BYTES
+from tools.evaluate.link.quiet import quiet
 from tools.logs.base import LogError
 from tools.logs.urg import UrgReader
 from tools.simulator.lockstep import run_mission
@@ -109,7 +108,9 @@ def run(args: argparse.Namespace) -> int:
 def _sources(args: argparse.Namespace) -> Iterable[tuple[str, list[Observation]]]:
     yield from map(observations_of, args.logs)
     if args.lab:
-        yield "lab", lab_mission(args.seed)
+        with quiet(args.verbose):
+            observations = lab_mission(args.seed)
+        yield "lab", observations
 
 
 def observations_of(log: Path) -> tuple[str, list[Observation]]:
@@ -128,14 +129,13 @@ def recorded(path: Path) -> list[Observation]:
     return observations
 
 
-def lab_mission(number: int) -> list[Observation]:
-    """The observations of the demo's mission, as the station got them."""
-    logging.getLogger("station").setLevel(logging.WARNING)
+def lab_mission(number: int, ends_s: float | None = None) -> list[Observation]:
+    """The observations of the demo's mission, as the station got them; with `ends_s` those of its beginning."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "mission.mcap"
         run_mission(
             find_scenario("lab"), number, load_robot(None), load_station(None),
-            say=lambda text: print(text, file=sys.stderr), progress=lambda _: None, recording=path,
+            say=lambda _: None, progress=lambda _: None, recording=path, ends_s=ends_s,
         )  # fmt: skip
         return recorded(path)
 

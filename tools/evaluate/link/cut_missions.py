@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import logging
 import math
-import sys
 from collections import defaultdict
 from dataclasses import asdict, dataclass
 
@@ -19,6 +17,7 @@ from station_gui.config import load_config as load_station
 from station_gui.mapping.snapshot import GridMap
 from tools.evaluate._kernels import nearest_on_segments
 from tools.evaluate.link.on_missions import MissionLink, link_figures
+from tools.evaluate.link.quiet import quiet
 from tools.evaluate.map_error import align, map_error
 from tools.simulator.links import LinkName
 from tools.simulator.lockstep import MissionResult, run_mission
@@ -68,7 +67,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Exit code 1 when a mission did not finish or something was lost or doubled."""
-    logging.getLogger("station").setLevel(logging.WARNING)
+    with quiet(args.verbose):
+        return _compare(args)
+
+
+def _compare(args: argparse.Namespace) -> int:
     reference, _ = _drive(args.scenario, args.seed, "tcp", args.seed)
     if reference.snapshot is None:
         print("the mission without cuts has no map")
@@ -94,7 +97,7 @@ def _drive(scenario: str, number: int, link: LinkName, link_seed: int) -> tuple[
     witness = Witness()
     result = run_mission(
         find_scenario(scenario), number, load_robot(None), load_station(None),
-        say=lambda text: print(text, file=sys.stderr), progress=lambda _: None,
+        say=lambda _: None, progress=lambda _: None,
         link=link, witness=witness, link_seed=link_seed,
     )  # fmt: skip
     return result, witness

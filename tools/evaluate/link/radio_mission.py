@@ -44,6 +44,7 @@ from tools.simulator.scenario import Scenario, find_scenario
 from tools.simulator.truth import TRUTH_FILE, read_truth
 
 _LONGEST_S = 900.0
+_BANDWIDTHS_HZ = (250_000, 500_000)  # a slower one cannot bring a word often enough for a car that drives
 _STEP_S = 0.05
 _RECORDING = "mission.mcap"
 
@@ -80,7 +81,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scenario", default="lab", help="a scenario's name or TOML file (default: lab)")
     parser.add_argument("--seed", type=seed, default=1, help="of all noise (default: 1)")
     parser.add_argument(
-        "--bandwidth", type=int, default=250_000, help="of the modules, Hz (default: 250000, the paper's rate)"
+        "--bandwidth",
+        type=int,
+        choices=_BANDWIDTHS_HZ,
+        default=250_000,
+        help="of the modules, Hz (default: 250000, the paper's rate)",
     )
     parser.add_argument("--out", metavar="DIR", type=Path, default=Path("out/radio"), help="default: out/radio")
     parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
