@@ -127,10 +127,10 @@ class PathPlanner:
             if is_closed_in(road, guide, goal, config.lattice):
                 raise PlanningError(Refusal.NO_WAY)
             search = LatticeSearch(road, guide, goal, config.lattice, config.lattice.max_expansions, math.inf)
-            searched = search.find(self._timer(config.give_up_s))
+            searched = search.find(time_is_up, self._timer(config.give_up_s))
         else:
             search = LatticeSearch(road, guide, goal, config.lattice, config.lattice.expansions, road.cost(found))
-            searched = search.find(time_is_up)
+            searched = search.find(time_is_up, time_is_up)
         if searched is not None:
             searched = road.shorten(searched, goal.pose, goal.free_heading, rounds=1)
         ways = [way for way in (found, searched) if way is not None]

@@ -66,12 +66,21 @@ class LatticeSearch:
         """Whether all there is was tried."""
         return bool(self._counts[1] == 0)
 
-    def find(self, time_is_up: Callable[[], bool]) -> NDArray[np.float64] | None:
-        """Elements (M, 2) of the cheapest way found, None when there is none."""
-        while self._left > 0 and not self.exhausted and not time_is_up():
+    @property
+    def _found(self) -> bool:
+        return bool(self._counts[2] >= 0)
+
+    def find(self, time_is_up: Callable[[], bool], give_up: Callable[[], bool]) -> NDArray[np.float64] | None:
+        """Elements (M, 2) of the cheapest way found, None when there is none.
+
+        Where one is found it is made better until the time is up; before that only `give_up` ends the search.
+        """
+        while self._left > 0 and not self.exhausted and not (time_is_up() if self._found else give_up()):
             self._expand(min(self._config.batch, self._left))
             self._left -= self._config.batch
-        if self._counts[2] < 0:
+            if self._found:
+                self._left = min(self._left, self._config.expansions)
+        if not self._found:
             return None
         elements = np.zeros((MOST_ELEMENTS, 2))
         count = _kernels.unwind(self._parents, self._led, int(self._counts[2]), self._final, elements)
