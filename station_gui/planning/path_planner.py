@@ -14,7 +14,6 @@ from shared.geometry.ackermann import CarGeometry
 from shared.geometry.se2 import Pose2
 from shared.runtime.clock import stopwatch_s
 from station_gui.mapping.snapshot import GridMap
-from station_gui.planning.body import _kernels as body
 from station_gui.planning.config import PlannerConfig
 from station_gui.planning.costmap import Costmap, make_costmap
 from station_gui.planning.guide import Guide, coarsening, make_guide
@@ -84,8 +83,7 @@ class PathPlanner:
         costmap = make_costmap(grid, self._car, self._config.costmap, map_from_robot)
         self._check_goal(costmap, goal_m)
         road = self._road(costmap, map_from_robot)
-        self._check_room(road, goal_m, goal_heading_rad)
-        goal = Target(np.array([*goal_m, goal_heading_rad or 0.0]), goal_heading_rad is None)
+        goal = self._target(road, goal_m, goal_heading_rad)
         guide = self._guide(costmap, road, goal)
         elements = self._way(road, guide, goal, time_is_up)
         path = walk(map_from_robot, elements, self._config.spacing_m)
@@ -159,15 +157,16 @@ class PathPlanner:
         if costmap.unknown[cell]:
             raise PlanningError(Refusal.UNKNOWN)
 
-    def _check_room(self, road: Road, goal_m: tuple[float, float], heading_rad: float | None) -> None:
-        """Whether the car can stand at the goal."""
-        place, margin_m = (road.field_m, road.frame, road.car), self._config.margin_m
-        if heading_rad is None:
-            fits = body.fits_somehow(*place, *goal_m, self._config.lattice.headings, margin_m)
-        else:
-            fits = body.body_clearance(*place, *goal_m, heading_rad) >= margin_m
-        if not fits:
+    def _target(self, road: Road, goal_m: tuple[float, float], heading_rad: float | None) -> Target:
+        """The goal, if the car can stand there."""
+        headings: NDArray[np.float64] = np.linspace(0.0, math.tau, self._config.lattice.headings, endpoint=False)
+        if heading_rad is not None:
+            headings = np.array([heading_rad])
+        poses = np.column_stack((np.tile(goal_m, (len(headings), 1)), headings))
+        fitting = headings[body_clearance_m(road.field_m, road.frame, road.car, poses) >= self._config.margin_m]
+        if not len(fitting):
             raise PlanningError(Refusal.TOO_NEAR)
+        return Target(np.array([*goal_m, heading_rad or 0.0]), heading_rad is None, fitting)
 
     def _road(self, costmap: Costmap, map_from_robot: Pose2) -> Road:
         config = self._config

@@ -132,8 +132,7 @@ class Tree:
             targets[near] = (about + random.normal(0.0, spread, (samples, 3)))[near]
         to_goal = random.random(samples) < config.goal_share
         targets[to_goal, :2] = self._goal.pose[:2]
-        if not self._goal.free_heading:
-            targets[to_goal, 2] = self._goal.pose[2]
+        targets[to_goal, 2] = random.choice(self._goal.headings_rad, np.count_nonzero(to_goal))
         return targets, to_goal
 
     def _best(self) -> NDArray[np.float64]:

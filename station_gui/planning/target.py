@@ -10,7 +10,11 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Target:
-    """`pose`: (3,), map frame; its heading does not matter where it is free."""
+    """`pose`: (3,), map frame; its heading does not matter where it is free.
+
+    `headings_rad`: (K,), some with which the car has room there.
+    """
 
     pose: NDArray[np.float64]
     free_heading: bool
+    headings_rad: NDArray[np.float64]

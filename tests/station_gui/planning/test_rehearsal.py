@@ -10,7 +10,6 @@ from station_gui.planning.tree import _kernels as tree
 # What Python calls; all else is compiled into these.
 ENTRIES = (
     body.body_clearance,
-    body.fits_somehow,
     body.where_it_fits,
     lattice.closed_in,
     lattice.search,

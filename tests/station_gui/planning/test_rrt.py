@@ -9,7 +9,9 @@ from station_gui.planning.rrt import Tree
 from station_gui.planning.target import Target
 
 _COSTS = np.array([1.6, 0.3, 0.03, 2.0, 1.8])
-_GOAL = Target(np.array([3.2, 3.0, 0.0]), free_heading=True)
+_GOAL = Target(
+    np.array([3.2, 3.0, 0.0]), free_heading=True, headings_rad=np.linspace(-np.pi, np.pi, 72, endpoint=False)
+)
 
 
 def _scene() -> tuple[Road, Guide]:
