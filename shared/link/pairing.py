@@ -30,6 +30,10 @@ _OPENSSL = (
 _OPENSSL_TIMEOUT_S = 30.0
 
 
+class PairingError(LinkError):
+    """The two sides cannot trust each other as their files are: somebody has to mend one."""
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class Pairing:
     """What `read_pairing` found. Its `repr` shows nothing of it."""
@@ -45,7 +49,7 @@ class Pairing:
         return ":".join(digest[i : i + 4] for i in range(0, 16, 4))
 
     def tls_context(self, server_side: bool) -> ssl.SSLContext:
-        """TLS 1.3, and nobody but who has the file. Raises `LinkError` for a file whose parts do not fit."""
+        """TLS 1.3, and nobody but who has the file. Raises `PairingError` where its parts do not fit."""
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER if server_side else ssl.PROTOCOL_TLS_CLIENT)
         context.minimum_version = ssl.TLSVersion.TLSv1_3
         context.check_hostname = False  # who has the key is who it is, at whatever address
@@ -58,23 +62,23 @@ class Pairing:
             context.load_verify_locations(cadata=self.certificate)
         except (OSError, ValueError) as error:
             remedy = "make a new one with `radio-config key new` and copy it to the other side"
-            raise LinkError(f"{self.path}: is damaged ({error}); {remedy}") from error
+            raise PairingError(f"{self.path}: is damaged ({error}); {remedy}") from error
         return context
 
 
 def read_pairing(path: Path) -> Pairing:
-    """Raises `LinkError`, which says what to do."""
+    """Raises `PairingError`, which says what to do."""
     try:
         mode = path.stat().st_mode
         text = path.read_bytes()[:_MOST_BYTES].decode("ascii", "replace")
     except OSError as error:
         remedy = "make one with `radio-config key new` and copy it to the other side"
-        raise LinkError(f"{path}: no pairing file ({error.strerror}); {remedy}") from error
+        raise PairingError(f"{path}: no pairing file ({error.strerror}); {remedy}") from error
     if mode & (stat.S_IRWXG | stat.S_IRWXO):
-        raise LinkError(f"{path}: others may read it; run `chmod 600 {path}`")
+        raise PairingError(f"{path}: others may read it; run `chmod 600 {path}`")
     certificate, private_key = _CERTIFICATE.search(text), _PRIVATE_KEY.search(text)
     if certificate is None or private_key is None:
-        raise LinkError(f"{path}: is no pairing file; make one with `radio-config key new`")
+        raise PairingError(f"{path}: is no pairing file; make one with `radio-config key new`")
     secret = "".join(private_key[1].split()).encode()
     pairing = Pairing(path, certificate[0], hashlib.blake2s(secret, person=b"radio").digest())
     pairing.tls_context(server_side=False)  # LoRa alone must not go by a key that is none

@@ -10,7 +10,7 @@ import threading
 from collections import deque
 
 from shared.link.base import ForRadio, Lane, LinkError, LinkHealth, LinkPath, LinkStatistics, PathChanged
-from shared.link.pairing import Pairing
+from shared.link.pairing import Pairing, PairingError
 from shared.link.tls import TlsStream
 from shared.protocol.frame import FrameParser, pack
 from shared.runtime.clock import Clock
@@ -42,6 +42,7 @@ class _Peer:
         self._arrived: deque[bytes] = deque()
         self._out = bytearray()
         self._out_lock = threading.Lock()
+        self._has_heard = False
         self._tls = tls
         if tls is not None:
             self._say_tls(tls)
@@ -109,7 +110,8 @@ class _Peer:
         except OSError as error:
             raise LinkError(f"{self.name}: connection lost: {error.strerror or error}") from error
         if not data:
-            raise LinkError(f"{self.name}: the other side closed the connection")
+            raise self._closed()
+        self._has_heard = True
         self._statistics.received_bytes += len(data)
         if self._tls is not None:
             with self._out_lock:
@@ -121,6 +123,14 @@ class _Peer:
         self._arrived.extend(datagrams)
         self._statistics.received_datagrams += len(datagrams)
         self._statistics.dropped_bytes += self._parser.dropped_bytes - dropped
+
+    def _closed(self) -> LinkError:
+        if self._has_heard or self._tls is not None:
+            return LinkError(f"{self.name}: the other side closed the connection")
+        return PairingError(
+            f"{self.name}: the other side closed the connection without a word. Pairing: has it a pairing file, and "
+            "here none is named?"
+        )
 
     def close(self) -> None:
         with contextlib.suppress(OSError):
@@ -182,7 +192,7 @@ class TcpClientLink(_TcpEnd):
             peer.flush()
             _select([peer.sock], [peer.sock] if peer.has_output else [], timeout_s / _HANDSHAKE_STEPS)
             peer.read()
-        raise LinkError(f"{self._name}: no secure connection in time. Does the robot use a pairing file?")
+        raise LinkError(f"{self._name}: pairing: no secure connection in time. Does the robot use a pairing file?")
 
     def peek(self, timeout_s: float) -> bytes | None:
         """The next datagram, which `receive` gives again; None when none came in time."""

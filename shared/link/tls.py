@@ -5,6 +5,7 @@ from __future__ import annotations
 import ssl
 
 from shared.link.base import LinkError
+from shared.link.pairing import PairingError
 
 _READ_BYTES = 16_384  # a TLS record
 
@@ -59,5 +60,11 @@ class TlsStream:
             raise self._refused(error) from error
 
     def _refused(self, error: ssl.SSLError) -> LinkError:
-        reason = (error.reason or "broken").lower().replace("_", " ")
-        return LinkError(f"{self._name}: no secure connection ({reason}). Have both sides the same pairing file?")
+        reason = error.reason or ""
+        if self.ready:
+            return LinkError(f"{self._name}: the secure connection broke")
+        if "CERTIFICATE" in reason or "ALERT" in reason:
+            has = "has another pairing file: both sides need the same pairing file (`radio-config key show`)"
+        else:
+            has = "speaks without a pairing file, and here one is in use: give both sides the same pairing file"
+        return PairingError(f"{self._name}: pairing: the other side {has}")

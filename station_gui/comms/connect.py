@@ -9,7 +9,7 @@ from pathlib import Path
 from shared.link.base import Link, LinkError
 from shared.link.failover.link import Failover, is_greeting
 from shared.link.failover.wifi_ends import Dialler, NoRadio
-from shared.link.pairing import Pairing, read_pairing
+from shared.link.pairing import Pairing, PairingError, read_pairing
 from shared.link.radio_config import RadioConfig
 from shared.link.radios import open_pair
 from shared.link.tcp import TcpClientLink
@@ -65,7 +65,7 @@ class Connector:
         if self._pairing_file:
             return read_pairing(Path(self._pairing_file).expanduser())
         if needed:
-            raise LinkError(
+            raise PairingError(
                 "LoRa needs a pairing file: make one with `radio-config key new`, copy it to the robot, and name it in "
                 "pairing of station.toml"
             )

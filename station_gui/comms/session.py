@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from shared.link.base import Lane, Link, LinkError, LinkHealth, LinkPath
+from shared.link.pairing import PairingError
 from shared.messages import (
     Ack,
     Command,
@@ -72,7 +73,13 @@ _MAX_PENDING = 32
 _NEW_HANDS = 1 << 20  # a jump of the numbers by which the robot knows another station
 _DATAGRAMS_PER_STEP = 256
 _KEYFRAME_AGAIN_S = 2.0
-_NEVER_HEARD = ". Is it on, with the same pairing file, and does link.use of its robot.toml name what is chosen here?"
+_NEVER_HEARD = (
+    ". Is it on, with the same pairing file, and does link.use of its robot.toml name what is chosen here? "
+    "Over LoRa: are the radios at these ports, bandwidth, spreading factor, channels and pan_id the same, "
+    "and the ids the other way round (`radio-config check`)?"
+)
+_NEVER_HEARD_OPEN = ". Has the robot a pairing file? Then name the same in pairing of station.toml"
+_AGAIN, _MEND = "Trying again until it works.", "Mend that: it connects by itself then."
 
 
 class Session:
@@ -106,12 +113,20 @@ class Session:
         self._next_try_s = -math.inf
         self._back_off_s = config.reconnect_first_s
         self._told_version = False
-        self._told_refusal = ""  # a fault is told when it begins
+        self._problem = ""  # a fault is told when it begins
         self.round_trip_s = math.nan
 
     @property
     def state(self) -> LinkState:
         return self._state
+
+    @property
+    def problem(self) -> str:
+        """What has kept the two from coming together so far; empty when there is nothing to tell."""
+        if self._state is not LinkState.CONNECTING:
+            return ""
+        faults = (radio.fault for radio in self.link_health.radios)
+        return "; ".join(fault for fault in faults if fault) or self._problem
 
     @property
     def link_health(self) -> LinkHealth:
@@ -138,6 +153,7 @@ class Session:
             self._next_try_s = -math.inf
             self._back_off_s = self._config.reconnect_first_s
             self._state = LinkState.CONNECTING
+            self._problem = ""
 
     def disconnect(self) -> None:
         """Let the link go. A stop that was not answered waits for the next connection."""
@@ -190,7 +206,7 @@ class Session:
             self._send_due(link)
             self._check_silence(link)
         except LinkError as error:
-            self._lost(str(error))
+            self._lost(error)
         self._tell_changes(link)
 
     def _tell_changes(self, link: Link) -> None:
@@ -222,16 +238,17 @@ class Session:
             self._next_try_s = self._clock.now_s() + self._back_off_s
             self._back_off_s = min(2 * self._back_off_s, self._config.reconnect_last_s)
             if generation == self._generation:
-                self._tell_once(str(error))
+                self._tell_once(error)
             return
         self._adopt(link, generation)
 
-    def _tell_once(self, reason: str) -> None:
-        if reason != self._told_refusal:
-            self._told_refusal = reason
-            self._listener.on_event(
-                Severity.ERROR, f"{reason}{'' if reason.endswith(('.', '?')) else '.'} Trying again until it works."
-            )
+    def _tell_once(self, error: LinkError) -> None:
+        reason = str(error)
+        if reason == self._problem:
+            return
+        self._problem = reason
+        then = _MEND if isinstance(error, PairingError) else _AGAIN
+        self._listener.on_event(Severity.ERROR, f"{reason}{'' if reason.endswith(('.', '?')) else '.'} {then}")
 
     def _adopt(self, link: Link, generation: int) -> None:
         with self._lock:
@@ -285,7 +302,7 @@ class Session:
                 return
             connected, self._state = self._state is LinkState.CONNECTED, LinkState.CONNECTED
         if not connected:
-            self._told_refusal = ""
+            self._problem = ""
             self._listener.on_event(Severity.INFO, "connected")
 
     def _damaged(self) -> int:
@@ -341,10 +358,12 @@ class Session:
         slow = link.path is LinkPath.RADIO
         longest_s = self._config.silence_radio_s if slow else self._config.silence_s
         if silent_s > longest_s:
-            never = link.mends_itself and self._state is LinkState.CONNECTING
-            raise LinkError(f"no word from the robot for {longest_s:g} s{_NEVER_HEARD if never else ''}")
+            hint = ""
+            if self._state is LinkState.CONNECTING:
+                hint = _NEVER_HEARD if link.mends_itself else "" if link.health.is_secret else _NEVER_HEARD_OPEN
+            raise LinkError(f"no word from the robot for {longest_s:g} s{hint}")
 
-    def _lost(self, reason: str) -> None:
+    def _lost(self, error: LinkError) -> None:
         link = self._link
         if link is not None and not link.mends_itself:
             self._link = None
@@ -361,9 +380,9 @@ class Session:
             self._next_try_s = self._clock.now_s() + self._back_off_s
             self._back_off_s = min(2 * self._back_off_s, self._config.reconnect_last_s)
         if not was_connected:
-            self._tell_once(reason)
+            self._tell_once(error)
             return
         tail = f"; not answered: {', '.join(unanswered)}" if unanswered else ""
         self._listener.on_event(
-            Severity.ERROR, f"link lost: {reason}{tail}. The robot stands until the link is back; reconnecting."
+            Severity.ERROR, f"link lost: {error}{tail}. The robot stands until the link is back; reconnecting."
         )

@@ -338,6 +338,7 @@ class Station:
             round_trip_s=self._session.round_trip_s,
             path=self._session.path,
             health=self._session.link_health,
+            problem=self._session.problem,
         )
 
     def _begin_recording(self) -> None:

@@ -37,6 +37,7 @@ class LinkFigures:
     round_trip_s: float  # of the last acknowledged command; NaN before the first
     path: LinkPath | None = None  # what the observations come over; None without a connection
     health: LinkHealth = field(default_factory=LinkHealth)
+    problem: str = ""  # what keeps it from connecting
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -77,7 +77,7 @@ def age(age_s: float) -> str:
 def link_sentence(view: OperatorView) -> str:
     sentence = _LINK_SENTENCES[view.link_state]
     if view.link_state is not LinkState.CONNECTED:
-        return sentence
+        return f"No connection yet: {view.link.problem}" if view.link.problem else sentence
     if view.link.path is LinkPath.RADIO:
         return f"{sentence} over LoRa"
     return f"{sentence} to {view.target.host}:{view.target.port}" if view.target.host else sentence

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from shared.link.base import LinkError
-from shared.link.pairing import Pairing, read_pairing, write_new_pairing
+from shared.link.pairing import Pairing, PairingError, read_pairing, write_new_pairing
 from shared.link.tcp import TcpClientLink, TcpServerLink
 from shared.link.tls import TlsStream
 from shared.protocol.frame import pack
@@ -108,6 +108,20 @@ def test_strangers_who_say_nothing_do_not_keep_the_station_out(robot: Served, pa
     assert answer(station) == b"got hello"
     for stranger in strangers:
         stranger.close()
+    station.close()
+
+
+def test_where_only_the_station_has_a_file_pairing_is_named(pairing: Pairing) -> None:
+    station = TlsStream(pairing.tls_context(False), False, "robot")
+    with pytest.raises(PairingError, match="pairing: the other side speaks without a pairing file"):
+        station.feed(pack(b"hello from a robot without a pairing file"))
+
+
+def test_where_only_the_robot_has_a_file_pairing_is_named(robot: Served) -> None:
+    station = TcpClientLink("127.0.0.1", robot.link.port, 5.0)
+    station.send(b"hello")
+    with pytest.raises(PairingError, match="Pairing: has it a pairing file"):
+        answer(station)
     station.close()
 
 

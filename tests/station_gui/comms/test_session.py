@@ -21,6 +21,7 @@ from shared.link.base import (
     RadioHealth,
 )
 from shared.link.loopback import LoopbackLink, loopback_pair
+from shared.link.pairing import PairingError
 from shared.messages import (
     Ack,
     Command,
@@ -495,6 +496,23 @@ def test_a_robot_that_never_speaks_over_lora_is_told_once(clock: ManualClock, he
     assert session.state is LinkState.CONNECTING
     (event,) = heard.events
     assert event.startswith("no word from the robot for 4 s. Is it on, with the same pairing file")
+    for cause in ("spreading factor", "channels", "ids", "ports"):
+        assert cause in event
+    assert session.problem in event
+    lora.incoming.append(encode(HELLO))
+    run(session, clock, 1.0)
+    assert session.problem == ""
+
+
+def test_a_pairing_file_that_is_wrong_is_not_said_to_mend_itself(clock: ManualClock, heard: Heard) -> None:
+    def connect() -> Link:
+        raise PairingError("pairing.pem: others may read it; run `chmod 600 pairing.pem`")
+
+    session = Session(SessionConfig(), clock, heard, first_number=100)
+    session.connect(connect)
+    run(session, clock, 20.0)
+    (event,) = heard.events
+    assert event.endswith("`chmod 600 pairing.pem`. Mend that: it connects by itself then.")
 
 
 def test_a_link_that_is_not_wanted_any_more_holds_nobody_up(clock: ManualClock, heard: Heard, lora: OverLora) -> None:
