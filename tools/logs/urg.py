@@ -162,7 +162,7 @@ def true_m(measured_m: NDArray[np.floating]) -> NDArray[np.float64]:
     """Distances without the scanner's own error: 2 cm too short at 1.4 m, 8 cm too long at 2.8 m.
 
     Found without a map or wheels: distances of pairs of scans, some tenths of a metre or tens of degrees apart, that
-    put the surfaces of both on one another. Any two of the three logs give the wave of all three to 5 mm, and what
+    put the surfaces of both on one another. Any two of the three logs give the wave of all three to 5-10 mm, and what
     is left between two scans falls from 11 to 9.7 mm. A common factor cannot be told that way, and is left at one.
     """
     late_m = 0.032 - 0.051 * np.cos(math.tau * (measured_m - 1.42) / _WAVE_M)
