@@ -68,7 +68,10 @@ def address(text: str) -> tuple[str, int]:
     host, colon, port = text.rpartition(":")
     if not colon or not host:
         raise argparse.ArgumentTypeError(f"{text!r} is no address; write host:port, for example 192.168.1.20:47100")
-    return host, port_number(port)
+    number = port_number(port)
+    if number == 0:
+        raise argparse.ArgumentTypeError(f"{text!r}: nobody can be reached at port 0; a robot's is 47100 usually")
+    return host, number
 
 
 def port_number(text: str) -> int:

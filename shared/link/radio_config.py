@@ -34,6 +34,10 @@ class RadioConfig:
     def __post_init__(self) -> None:
         if len(self.ports) > _MOST_RADIOS or len(set(self.ports)) < len(self.ports):
             raise ValueError(f"ports are one or two different ones, not {', '.join(self.ports)}")
+        for port in self.ports:
+            path, colon, letter = port.rpartition(":")
+            if colon and len(letter) == 1 and letter not in "AB":
+                raise ValueError(f"ports: {port}: a transceiver has two radios, {path}:A and {path}:B")
         if len(self.channels) != _MOST_RADIOS or self.channels[0] == self.channels[1]:
             raise ValueError("channels are two different ones, of the first pair and of the second")
         if self.own_id == self.destination_id:

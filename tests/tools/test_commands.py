@@ -63,6 +63,7 @@ def test_every_evaluation_explains_itself(evaluation: str) -> None:
         ("simulator", ["--scenario", "lap"], "no scenario 'lap'"),
         ("simulator", ["--config", "absent.toml"], "absent.toml"),
         ("station-gui", ["--connect", "robot"], "'robot' is no address"),
+        ("station-gui", ["--connect", "127.0.0.1:0"], "nobody can be reached at port 0"),
         ("station-gui", ["--connect", "robot:99999"], "'99999' is no port"),
         ("station-gui", [], "there is no display"),
         ("replay", ["--carmen", "absent.clf", "--out", "/tmp/x"], "absent.clf: there is no such file"),

@@ -142,6 +142,15 @@ def test_one_module_is_copied_to_the_three_others_and_then_all_agree(bench: Benc
     assert (after.returncode, after.stdout) == (0, "the 4 modules agree\n")
 
 
+@pytest.mark.parametrize("bench", [(ROBOT, operating(STATION))], indirect=True)
+def test_a_module_that_does_not_operate_by_itself_is_warned_of(bench: Bench) -> None:
+    done = bench.run("check", *bench.ports)
+    assert done.returncode == 0
+    agree, warning = done.stdout.splitlines()
+    assert agree == "the 2 modules agree"
+    assert f"{bench.ports[0]} starts in configuration, and the link needs boot_mode=operation" in warning
+
+
 @pytest.mark.parametrize("bench", [(operating(ROBOT), operating(STATION))], indirect=True)
 def test_the_range_test_counts_what_comes_and_how_strong_and_leaves_all_as_it_was(bench: Bench) -> None:
     done = bench.run("range-test", *bench.ports, "--sf", "7,8", "--json")
@@ -269,6 +278,7 @@ def test_two_pairs_on_one_channel_are_named() -> None:
     [
         (("copy", "/dev/tty0", "/dev/tty0"), "the same port is given twice"),
         (("copy", "/dev/tty0", "/dev/tty1", "/dev/tty2"), "to one port (the partner) or to three"),
+        (("show", "/dev/tty0:C"), "a transceiver has two radios, /dev/tty0:A and /dev/tty0:B"),
         (("check", "/dev/tty0"), "check two modules or four, not 1"),
         (("range-test", "/dev/tty0", "/dev/tty1", "--sf", "7,13"), "write spreading factors from 7 to 12"),
         (("range-test", "/dev/tty0", "/dev/tty1", "--payload", "3"), "--payload is 10 to 50"),

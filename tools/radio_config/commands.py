@@ -114,7 +114,9 @@ def check(args: argparse.Namespace) -> int:
             with bench.module(name) as module:
                 found[name] = module.settings
     wrong = plan.disagreements(found, rule, payload_bytes)
-    _print(args, {"agree": not wrong, "problems": wrong}, wrong or [f"the {len(names)} modules agree"])
+    warnings = plan.sleepers(found)
+    figures = {"agree": not wrong, "problems": wrong, "warnings": warnings}
+    _print(args, figures, [*(wrong or [f"the {len(names)} modules agree"]), *warnings])
     return EXIT_FAILED if wrong else EXIT_OK
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from shared.command_line import EXIT_OK, Refused
 from shared.link.pairing import Pairing, read_pairing, write_new_pairing
+from tools.radio_config.session import say
 
 DEFAULT_FILE = Path("~/.config/low-bandwidth-mapper/pairing.pem")
 
@@ -18,6 +19,7 @@ def new(args: argparse.Namespace) -> int:
     if path.exists() and not args.force:
         raise Refused(f"{path}: is there already; --force takes a new key, and the other side needs the new file too")
     write_new_pairing(path)
+    say("Copy it to the other side, and name it on both: [link] pairing of robot.toml, pairing of station.toml.")
     return _tell(read_pairing(path), args.json)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from shared.command_line import Refused
 from shared.link.es920lr.band import BandRule, problems
 from shared.link.es920lr.procedures import require_usable
-from shared.link.es920lr.settings import BROADCAST_ID, RadioSettings, SettingsError, conflicts
+from shared.link.es920lr.settings import BROADCAST_ID, BootMode, RadioSettings, SettingsError, conflicts
 
 _ALIKE = ("bandwidth_hz", "spreading_factor", "pan_id", "acknowledge", "transfer", "show_sender", "show_rssi", "format")
 _CHANNELS = {62_500: 15, 125_000: 15, 250_000: 7, 500_000: 5}
@@ -64,6 +64,16 @@ def disagreements(modules: Mapping[str, RadioSettings], rule: BandRule, payload_
             found.append(f"{name}: {error}")
     found += _not_alike(modules)
     return found + _wrong_partners(modules)
+
+
+def sleepers(modules: Mapping[str, RadioSettings]) -> list[str]:
+    """Those that are silent when they get power, each as one sentence."""
+    return [
+        f"warning: {name} starts in configuration, and the link needs boot_mode=operation: "
+        f"`radio-config set {name} boot_mode=operation --save`"
+        for name, settings in modules.items()
+        if settings.boot_mode is not BootMode.OPERATION
+    ]
 
 
 def _not_alike(modules: Mapping[str, RadioSettings]) -> list[str]:

@@ -148,6 +148,8 @@ class Bench:
         path, colon, letter = name.rpartition(":")
         if colon and letter in _RADIOS:
             return self._behind_transceiver(path, _RADIOS[letter])
+        if colon and len(letter) == 1 and letter.isalpha():
+            raise Refused(f"{name}: a transceiver has two radios, {path}:A and {path}:B")
         port = SerialPort(name, self._baud_rate)
         with contextlib.ExitStack() as guard:
             guard.callback(port.close)

@@ -37,6 +37,7 @@ def test_the_two_sides_as_they_come_agree() -> None:
     [
         ({"ports": ["/dev/a", "/dev/a"]}, "radio: ports are one or two different ones"),
         ({"ports": ["a", "b", "c"]}, "radio: ports are one or two"),
+        ({"ports": ["/dev/a:C"]}, "radio: ports: /dev/a:C: a transceiver has two radios, /dev/a:A and /dev/a:B"),
         ({"channels": [1, 1]}, "radio: channels are two different"),
         ({"channels": [1, 9]}, "radio: channel is 1 to 5 at 500 kHz"),
         ({"own_id": 2}, "radio: own_id and destination_id must differ"),
