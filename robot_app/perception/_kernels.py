@@ -30,6 +30,9 @@ UNCOUNTED: dict[str, Any] = {"_nrt": False}
 
 MISSING = -1.0  # no neighbour is known: the image ends there, or an unexplained hole
 OPEN = 1e6  # nothing is there up to the end of the range, m
+TILE_CELLS = 4  # the side of the squares in which edge points are counted; nine of them are a neighbourhood
+SMOOTH_CELLS = 8  # so many cells on a line are a surface, and no speckle
+FAR_CELLS = 3  # how far from a speckle's edge such a surface may begin
 
 
 @njit(nogil=True, cache=True, **UNCOUNTED)
@@ -352,3 +355,108 @@ def find_contact(
             if 0 <= ci < rows and 0 <= cj < z.shape[1]:
                 count = _put(edge_m, edge_at, count, ci, cj, x, y, z0)
     return count
+
+
+@njit(nogil=True, cache=True, **UNCOUNTED)
+def count_crowd(edge_at: I32, crowd: I32) -> None:
+    """`crowd`: (R // TILE_CELLS + 3, C // TILE_CELLS + 3), how many edge points lie in each square of cells; the first
+    row and column and the last ones are margin."""
+    crowd[:] = 0
+    for i in range(edge_at.shape[0]):
+        for j in range(edge_at.shape[1]):
+            crowd[i // TILE_CELLS + 1, j // TILE_CELLS + 1] += edge_at[i, j] >= 0
+
+
+@njit(nogil=True, cache=True, inline="always", **UNCOUNTED)
+def crowd_share(crowd: I32, i: int, j: int) -> float:
+    """How much of the neighbourhood of cell (i, j) edge points cover, 0 to 1."""
+    row, column, total = i // TILE_CELLS, j // TILE_CELLS, 0
+    for k in range(3):
+        for m in range(3):
+            total += crowd[row + k, column + m]
+    return total / (9.0 * TILE_CELLS * TILE_CELLS)
+
+
+@njit(nogil=True, cache=True, **UNCOUNTED)
+def _is_smooth(inverse: F32, i: int, j: int, di: int, dj: int, noise: float) -> bool:
+    """Whether SMOOTH_CELLS cells from (i, j) on lie on a line in inverse depth; a plane's is linear in the image."""
+    last = SMOOTH_CELLS - 1
+    k, m = i + di * last, j + dj * last
+    if min(i, j, k, m) < 0 or max(i, k) >= inverse.shape[0] or max(j, m) >= inverse.shape[1]:
+        return False
+    first = inverse[i, j]
+    slope = (inverse[k, m] - first) / last
+    for step in range(SMOOTH_CELLS):
+        q = inverse[i + di * step, j + dj * step]
+        if q == 0.0 or abs(q - first - slope * step) > 4.0 * noise:
+            return False
+    return True
+
+
+@njit(nogil=True, cache=True, **UNCOUNTED)
+def _is_smooth_area(inverse: F32, i: int, j: int, di: int, dj: int, noise: float) -> bool:
+    """Whether a surface from (i, j) on is smooth across too: no slot."""
+    reach = SMOOTH_CELLS // 2
+    across_i, across_j = i + reach * (di - abs(dj)), j + reach * (dj - abs(di))
+    smooth: bool = _is_smooth(inverse, i, j, di, dj, noise) and _is_smooth(
+        inverse, across_i, across_j, abs(dj), abs(di), noise
+    )
+    return smooth
+
+
+@njit(nogil=True, cache=True, **UNCOUNTED)
+def _is_speckle(inverse: F32, i: int, j: int, di: int, dj: int, noise: float) -> bool:
+    """Whether nothing smooth goes from (i, j) on away from (di, dj), nor to either side of that way."""
+    smooth: bool = _is_smooth(inverse, i, j, -di, -dj, noise) or _is_smooth(inverse, i, j, dj, di, noise)
+    return not (smooth or _is_smooth(inverse, i, j, -dj, -di, noise))
+
+
+@njit(nogil=True, cache=True, **UNCOUNTED)
+def hand_to_smooth(
+    inverse: F32,
+    slope_x: F32,
+    slope_y: F32,
+    stride: int,
+    cell_width: float,
+    lens: F64,
+    noise: float,
+    crowd: I32,
+    min_share: float,
+    edge_m: F32,
+    edge_at: I32,
+    count: int,
+) -> None:
+    """Where a smooth surface ends at nearer speckle, the edge is its own and not the speckle's.
+
+    Only where `crowd_share` is `min_share` or more. `inverse`: (R, C) as
+    `mark_floor` fills it; `noise`: its, 1/m.
+    """
+    rows, columns = inverse.shape
+    half = stride // 2
+    for index in range(count):
+        near_m = edge_m[index, 2]
+        i = int((edge_m[index, 1] / near_m * lens[1] + lens[3]) / stride)
+        j = int((edge_m[index, 0] / near_m * lens[0] + lens[2]) / stride)
+        if not (0 <= i < rows and 0 <= j < columns) or edge_at[i, j] != index:
+            continue
+        if crowd_share(crowd, i, j) < min_share:
+            continue
+        limit = 1.0 / (near_m + 2.0 * cell_width * near_m)
+        for axis in range(4):
+            if edge_at[i, j] != index:
+                break
+            di, dj = (axis == 2) * 1 - (axis == 3) * 1, (axis == 0) * 1 - (axis == 1) * 1
+            if not _is_speckle(inverse, i - di, j - dj, di, dj, noise):
+                continue
+            for step in range(1, FAR_CELLS + 1):
+                k, m = i + di * step, j + dj * step
+                if k < 0 or m < 0 or k >= rows or m >= columns:
+                    break
+                if inverse[k, m] < limit and _is_smooth_area(inverse, k, m, di, dj, noise):
+                    if edge_at[k, m] < 0:
+                        edge_at[i, j], edge_at[k, m] = -1, index
+                        row, column = half + k * stride, half + m * stride
+                        far_m = 1.0 / inverse[k, m]
+                        edge_m[index, 0], edge_m[index, 1] = slope_x[column] * far_m, slope_y[row] * far_m
+                        edge_m[index, 2] = far_m
+                    break

@@ -38,6 +38,11 @@ class EdgeConfig:
     min_curve_m: float = 0.06  # smaller edges are noise,
     min_curve_cells: float = 6.0  # and so are those of fewer cells of `stride_px`,
     max_roughness: float = 0.42  # and those that bend everywhere: the mean of 1 + cos of the angle at each point
+    # Where edges cover more of a neighbourhood than this, as in the L515's speckle, a curve may bend so much less.
+    crowd_share: float = 0.20
+    speckle_share: float = (
+        0.25  # and what is near and not smooth there hides nothing: the edge is that of what it meets
+    )
     corner_arm_points: int = 5  # how many edge points to either side tell a corner
     # Table 3 is for furniture: smaller things are learned with lengths in proportion to their size, down to a quarter.
     detail_curve_m: float = 0.5

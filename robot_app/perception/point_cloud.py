@@ -69,6 +69,8 @@ class EdgeCloud:
         self._pair = np.zeros(rows * columns, np.float32)
         self._floor, self._marks = np.zeros((2, rows, columns), np.uint8)
         self._worth = np.zeros(rows * columns, np.uint8)
+        tile = kernels.TILE_CELLS
+        self._crowd = np.zeros((rows // tile + 3, columns // tile + 3), np.int32)
         self._open_rows = np.zeros(columns, np.int32)
         self.points = self.edges = self.samples = 0
 
@@ -111,6 +113,25 @@ class EdgeCloud:
             self._measure_bends(vertical)
         for vertical in (0, 1):
             self._find_bends(vertical)
+        kernels.count_crowd(self.edge_at, self._crowd)
+        self._hand_to_smooth()
+
+    def _hand_to_smooth(self) -> None:
+        config = self._config
+        kernels.hand_to_smooth(
+            self._inverse,
+            self.slope_x,
+            self.slope_y,
+            self.stride,
+            self.cell_width,
+            self.lens,
+            config.depth_noise,
+            self._crowd,
+            config.speckle_share,
+            self.edge_m,
+            self.edge_at,
+            self.edges,
+        )
 
     def _find_occluding(self, depth: NDArray[np.uint16], unit_m: float) -> None:
         config = self._config
@@ -194,5 +215,5 @@ class EdgeCloud:
 
     def _choose_samples(self) -> None:
         tracer = self._tracer
-        tracer.update(self.edge_m, self.edge_at, self.lens, self.stride, self.cell_width)
+        tracer.update(self.edge_m, self.edge_at, self._crowd, self.lens, self.stride, self.cell_width)
         self.samples = tracer.samples

@@ -49,13 +49,14 @@ class CurveTracer:
         self,
         edge_m: NDArray[np.float32],
         edge_at: NDArray[np.int32],
+        crowd: NDArray[np.int32],
         lens: NDArray[np.float64],
         stride: int,
         cell_width: float,
     ) -> None:
-        """Take curves and samples from the edge points; arguments as in `EdgeCloud`."""
+        """Take curves and samples from the edge points; arguments as in `EdgeCloud`; `crowd`: of `count_crowd`."""
         self._trace(edge_m, edge_at, lens, stride, cell_width)
-        self._choose_samples(cell_width)
+        self._choose_samples(crowd, cell_width)
 
     def drop_short(
         self,
@@ -91,7 +92,7 @@ class CurveTracer:
         self.points = points
         self.curves = kernels.trace(points, self._beside, self._curve, self._order, self._start, self._closed)
 
-    def _choose_samples(self, cell_width: float) -> None:
+    def _choose_samples(self, crowd: NDArray[np.int32], cell_width: float) -> None:
         config, curves = self._config, self.curves
         paths = self._order, self._start, self._closed
         kernels.lay_out(self._point_m, *paths, curves, cell_width, self._path_m)
@@ -109,8 +110,12 @@ class CurveTracer:
         kernels.measure(
             self._smooth_m,
             self._score,
+            self._order,
+            self._point_uv,
             self._start,
             curves,
+            crowd,
+            config.crowd_share,
             config.min_curve_m,
             config.min_curve_cells,
             config.max_roughness,

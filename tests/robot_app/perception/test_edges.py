@@ -191,10 +191,10 @@ def test_an_image_of_another_size_is_refused(world) -> None:
 
 def test_the_number_of_samples_is_bounded(world) -> None:
     noise = np.random.default_rng(1).integers(2000, 16000, (480 // 16, 640 // 16)).repeat(16, 0).repeat(16, 1)
-    cloud = EdgeCloud(EdgeConfig(max_samples=200), world.intrinsics, FarFloor())
+    cloud = EdgeCloud(EdgeConfig(max_samples=50), world.intrinsics, FarFloor())
     cloud.update(DepthImage(0.0, noise.astype(np.uint16), UNIT_M))
     assert cloud.edges > 1000
-    assert 100 < cloud.samples <= 200
+    assert 25 < cloud.samples <= 50
 
 
 class FarFloor:

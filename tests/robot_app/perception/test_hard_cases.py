@@ -94,6 +94,22 @@ def test_speckles_with_holes_between_them_give_no_large_outlines(world) -> None:
     assert lengths_m.max() < 0.3
 
 
+def box_in_speckle(seed: int) -> np.ndarray:
+    """A box at 1.2 m; round it patches, nearer, deeper or without a value, as the L515 gives them on metal."""
+    rng = np.random.default_rng(seed)
+    shape = (480 // 6, 640 // 6 + 1)
+    patches_m = np.where(rng.random(shape) < 0.35, 0.0, rng.uniform(0.9, 1.9, shape))
+    depth_m = patches_m.repeat(6, axis=0).repeat(6, axis=1)[:, :640]
+    depth_m[150:330, 220:420] = 1.2
+    return depth_m
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_smooth_box_in_speckle_is_outlined_with_its_corners(world, seed: int) -> None:
+    network = extracted(world, noise(box_in_speckle(seed)))
+    assert corners_missed_m(world, network) < 0.04
+
+
 @pytest.mark.parametrize("depth_m", [0.0, 0.3, 1.0, 20.0])
 def test_an_empty_view_a_covered_lens_and_a_wall_that_fills_the_view_give_nothing(world, depth_m: float) -> None:
     network = extracted(world, np.full((480, 640), depth_m))

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from robot_app.perception._kernels import UNCOUNTED
+from robot_app.perception._kernels import UNCOUNTED, crowd_share
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -366,8 +366,12 @@ def _extent_m(place_m: F32, first: int, last: int) -> float:
 def measure(
     smooth_m: F32,
     score: F32,
+    order: I32,
+    point_uv: F32,
     start: I32,
     curves: int,
+    crowd: I32,
+    quiet_share: float,
     min_extent_m: float,
     min_cells: float,
     max_roughness: float,
@@ -379,6 +383,8 @@ def measure(
 ) -> None:
     """`extent_m`: (K,) the diagonal of the box round each curve; 0 for those that are noise.
 
+    `crowd`: as `count_crowd` fills it; where it is denser than `quiet_share`, curves must be smoother in proportion.
+
     `detail`: (K,) 1 for curves of `detail_extent_m` and more; smaller ones are drawn finer in proportion.
     """
     for curve in range(curves):
@@ -386,10 +392,14 @@ def measure(
         extent_m[curve] = 0.0 if last - first < FEW_POINTS else _extent_m(smooth_m, first, last)
         if extent_m[curve] < max(min_extent_m, min_cells * cell_width * smooth_m[(first + last) // 2, 2]):
             extent_m[curve] = 0.0
+        share = 0.0
+        for k in range(first, last):
+            a = order[k]
+            share += crowd_share(crowd, int(point_uv[a, 1]), int(point_uv[a, 0])) / (last - first)
         sharpness, inner = 0.0, last - first - 4
         for k in range(first + 2, last - 2):
             sharpness += score[k]
-        if inner > 2 and sharpness > max_roughness * inner:
+        if inner > 2 and sharpness * max(share, quiet_share) > max_roughness * quiet_share * inner:
             extent_m[curve] = 0.0
         detail[curve] = min(max(1.0, detail_extent_m / max(extent_m[curve], 1e-3)), max_detail)
 
