@@ -95,10 +95,16 @@ class Conversation:
         if filled.seq is not None:
             head = head_of(Kind.DATA, turn, filled.seq)
             return Packet(session.outgoing.seal(head, filled.seq, filled.body), filled.loads)
+        return self._items(session, turn, filled.body, filled.loads)
+
+    def probe(self) -> Packet | None:
+        """Asks for an answer and carries nothing: what it would carry is waited for, and may never come that way."""
+        return None if self._session is None else self._items(self._session, True, b"", ())
+
+    def _items(self, session: Session, turn: bool, body: bytes, loads: tuple[Load, ...]) -> Packet:
         counter = self._items_sent
         self._items_sent += 1
-        head = head_of(Kind.ITEMS, turn, counter)
-        return Packet(session.outgoing.seal(head, counter, filled.body), filled.loads)
+        return Packet(session.outgoing.seal(head_of(Kind.ITEMS, turn, counter), counter, body), loads)
 
     def hear(self, packet: bytes) -> Heard | None:
         """None for what is no packet of the other side's: counted."""

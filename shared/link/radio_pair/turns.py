@@ -103,7 +103,7 @@ class AskingTurns:
             if now_s < state.probe_at_s:
                 return None
             state.probe_at_s = now_s + self._config.probe_s
-            return self._ask(state, self._question(radio))
+            return self._ask(state, self._question(radio, probes=True))
         if radio == self._turn_radio and now_s + self._lead_s() >= self._next_turn_s():
             return self._ask(state, self._question(radio))
         return self._conversation.next_packet(radio, turn=False, report=False)
@@ -136,12 +136,12 @@ class AskingTurns:
             wait_s = config.retry_turn_s
         return max(self._answered_s + wait_s, self._retry_s)
 
-    def _question(self, radio: int) -> Packet | None:
+    def _question(self, radio: int, *, probes: bool = False) -> Packet | None:
         """A packet that is to be answered; after many without an answer every other one is a greeting."""
         if self._unanswered >= self._config.call_after_turns and self._unanswered % 2 == 0:
             self.statistics.calls += 1
             return Packet(self._conversation.call())
-        return self._conversation.next_packet(radio, turn=True, report=True)
+        return self._conversation.probe() if probes else self._conversation.next_packet(radio, turn=True, report=True)
 
     def _call(self, radio: int, state: _Asking, now_s: float) -> Packet | None:
         others = any(r.question is not None for r in self._radios)

@@ -120,6 +120,26 @@ def test_one_radio_may_fail_and_come_back(side: str, which: int) -> None:
     traffic.finish()
 
 
+def test_trying_a_dead_radio_holds_nothing_up_on_the_living_one() -> None:
+    rig = connected()
+    traffic = Traffic(rig)
+    rig.station_modules[0].power_off()  # the robot's own modules say that they are up
+    rig.run(4.0)
+    came_s: list[float] = []
+
+    def step() -> None:
+        before = len(traffic.observations)
+        traffic.step()
+        if len(traffic.observations) > before:
+            came_s.append(rig.clock.now_s())
+
+    rig.at_each_event = step
+    rig.run(10.0)
+    assert len(came_s) > 25
+    assert max(np.diff(came_s)) < 0.5
+    traffic.finish()
+
+
 @pytest.mark.parametrize("settings", [(500_000, 7), (125_000, 9)])
 def test_one_radio_of_each_side_is_a_link_too(settings: tuple[int, int]) -> None:
     rig = connected(radios=1, settings=link_settings(*settings))
