@@ -123,7 +123,7 @@ class LoopConfig:
     max_branches: int = 20_000
     cached_places: int = 8
     max_place_surfels: int = 20_000
-    units_per_step: int = 8_000  # a unit is about 15 ns
+    units_per_step: int = 5_000  # a unit is about 15 ns
     weak_share: float = 0.05  # a direction that so few of the points hold is hardly known
     closure_length_m: float = 0.5  # the way that the drift over a closure is worth
     agreement_m: float = 0.3  # of two far closures that confirm each other
