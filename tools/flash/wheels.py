@@ -70,41 +70,23 @@ def fetch(lock: Path, project: Path, into: Path, say: Say) -> list[str]:
         _download(wanted, python, into)
     say("pip, hokuyolx and the app itself")
     _pip("download", "--no-deps", "--dest", str(into), "pip")
-    for pin in sources:
-        _build([pin.line()], into)
+    _pip_pinned(sources, into, "wheel", "--wheel-dir", str(into))
     _pip("wheel", "--no-deps", "--wheel-dir", str(into), str(project))
     return [f"{pin.requirement} ; {pin.marker}" if pin.marker else pin.requirement for pin in pins]
 
 
 def _download(pins: list[Pin], python: str, into: Path) -> None:
     platforms = [word for platform in _PLATFORMS for word in ("--platform", platform)]
+    target = [*platforms, "--python-version", python, "--implementation", "cp"]
+    _pip_pinned(pins, into, "download", "--only-binary=:all:", *target, "--dest", str(into))
+
+
+def _pip_pinned(pins: list[Pin], into: Path, *words: str) -> None:
+    """Call pip for exactly these files, told by their hashes."""
     with_hashes = into / "requirements.tmp"
     with_hashes.write_text("\n".join(pin.line() for pin in pins) + "\n", encoding="utf-8")
     try:
-        _pip(
-            "download",
-            "--only-binary=:all:",
-            "--no-deps",
-            "--require-hashes",
-            *platforms,
-            "--python-version",
-            python,
-            "--implementation",
-            "cp",
-            "--dest",
-            str(into),
-            "--requirement",
-            str(with_hashes),
-        )
-    finally:
-        with_hashes.unlink()
-
-
-def _build(lines: list[str], into: Path) -> None:
-    with_hashes = into / "requirements.tmp"
-    with_hashes.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    try:
-        _pip("wheel", "--no-deps", "--require-hashes", "--wheel-dir", str(into), "--requirement", str(with_hashes))
+        _pip(*words, "--no-deps", "--require-hashes", "--requirement", str(with_hashes))
     finally:
         with_hashes.unlink()
 
