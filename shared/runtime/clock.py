@@ -57,6 +57,11 @@ def stopwatch_s() -> float:
     return time.perf_counter()
 
 
+def processor_time_s() -> float:
+    """What the calling thread has computed so far; waiting takes none."""
+    return time.thread_time()
+
+
 def wall_clock_ns() -> int:
     """Nanoseconds since 1970, for the head of a recording."""
     return time.time_ns()

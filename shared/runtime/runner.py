@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-from shared.runtime.clock import Clock, ManualClock, stopwatch_s
+from shared.runtime.clock import Clock, ManualClock, processor_time_s, stopwatch_s
 
 _log = logging.getLogger(__name__)
 _JOIN_TIMEOUT_S = 3.0
@@ -34,7 +34,7 @@ class Row:
     name: str
     rate_hz: float
     max_age_s: float  # an output older than this is stale
-    budget_s: float  # the time one tick may take
+    budget_s: float  # processor time that one tick may take; waiting for a device is none
     on_fault: OnFault
     priority: int = 0  # of its thread among the FIFO threads of the system, where it asks for one; 0: an ordinary one
 
@@ -55,7 +55,8 @@ class TaskHealth:
         self.late = 0  # of the ticks, those that began more than LATE_S after they were due
         self.latest_s = 0.0
         self.over_budget = 0
-        self.longest_s = 0.0
+        self.longest_s = 0.0  # processor time of a tick …
+        self.busy_s = 0.0  # … and of all of them
         self.last_good_s = float("-inf")
         self.fault: str | None = None
 
@@ -67,6 +68,7 @@ class TaskHealth:
         self.ticks += 1
         self.last_good_s = now_s
         self.longest_s = max(self.longest_s, took_s)
+        self.busy_s += took_s
         self.over_budget += took_s > self.row.budget_s
         if self.fault is not None:
             _log.warning("%s works again", self.row.name)
@@ -91,14 +93,14 @@ class _Guarded:
         self._on_fault = on_fault
 
     def tick(self) -> None:
-        began_s = stopwatch_s()
+        began_s = processor_time_s()
         try:
             self.task.step()
         except Exception as error:  # noqa: BLE001 - the runner is where a task's fault ends
             self.health.failed(error)
             self._tell(error)
         else:
-            self.health.finished(self._clock.now_s(), stopwatch_s() - began_s)
+            self.health.finished(self._clock.now_s(), processor_time_s() - began_s)
 
     def _tell(self, error: Exception) -> None:
         try:
