@@ -1,9 +1,10 @@
 #!/bin/sh
 # Makes a Raspberry Pi OS or Debian (64 bit, Python 3.11 or newer) a robot: run it there as root, from a checkout.
 #
-#   sudo sh systemd/install.sh [--wheels DIR] [--no-start]
+#   sudo sh systemd/install.sh [--wheels DIR] [--camera DIR] [--no-start]
 #
 #   --wheels DIR   take the packages from here instead of from the network (tools/flash fetches them)
+#   --camera DIR   the same of what camera-packages.txt lists
 #   --no-start     only install: for an image, or when the robot must not start yet
 #
 # It can be run again at any time: it brings the app up to date and leaves /etc/robot-app as it is.
@@ -13,6 +14,7 @@ HOME_DIR=/opt/robot-app
 CONFIG_DIR=/etc/robot-app
 SOURCE=$(cd "$(dirname "$0")/.." && pwd)
 wheels=
+camera=
 start=yes
 
 fail() {
@@ -27,8 +29,13 @@ while [ $# -gt 0 ]; do
         wheels=$(cd "$2" && pwd)
         shift
         ;;
+    --camera)
+        [ -d "${2:-}" ] || fail "--camera needs a folder, not '${2:-}'"
+        camera=$(cd "$2" && pwd)
+        shift
+        ;;
     --no-start) start=no ;;
-    *) fail "what is '$1'? Known are --wheels DIR and --no-start" ;;
+    *) fail "what is '$1'? Known are --wheels DIR, --camera DIR and --no-start" ;;
     esac
     shift
 done
@@ -69,9 +76,60 @@ fi
 install -m 0755 "$SOURCE/systemd/motors-off.sh" "$HOME_DIR/motors-off"
 install -m 0644 "$SOURCE/docs/robot.md" "$HOME_DIR/docs/robot.md"
 
+say "Python 3.9 for the L515, in $HOME_DIR/camera"
+# librealsense 2.54.2 is the last that knows the L515, and its wheels for this processor end at Python 3.9. The process
+# that reads the camera has this Python; nothing else uses it.
+fetch_camera() {
+    while read -r sum path; do
+        case "$path" in
+        pool/*)
+            for mirror in https://deb.debian.org/debian https://archive.debian.org/debian; do
+                "$venv" -c 'import sys, urllib.request; urllib.request.urlretrieve(*sys.argv[1:])' \
+                    "$mirror/$path" "$1/$(basename "$path")" 2>/dev/null && break
+            done
+            ;;
+        *)
+            "$venv" -m pip --disable-pip-version-check --quiet download --no-deps --only-binary=:all: --python-version 3.9 \
+                --platform manylinux2014_aarch64 --implementation cp --dest "$1" \
+                "$(echo "$path" | cut -d- -f1)==$(echo "$path" | cut -d- -f2)" || return 1
+            ;;
+        esac
+    done <"$SOURCE/systemd/camera-packages.txt"
+}
+install_camera() {
+    sed 's|  .*/|  |' "$SOURCE/systemd/camera-packages.txt" | (cd "$1" && sha256sum --quiet --check -) || return 1
+    new=$HOME_DIR/camera.new
+    rm -rf "$new"
+    mkdir -p "$new/usr/lib/python3/dist-packages"
+    for package in "$1"/*.deb; do dpkg-deb -x "$package" "$new" || return 1; done
+    "$venv" -m zipfile -e "$1"/pyrealsense2-*.whl "$new/usr/lib/python3/dist-packages" || return 1
+    rm -rf "$new/usr/lib/python3/dist-packages"/*.data "$new/usr/share" "$new/etc"
+    cat >"$new/python" <<'END'
+#!/bin/sh
+# Python 3.9 of Debian 11 with pyrealsense2, for devices.camera.interpreter.
+here=$(dirname "$(readlink -f "$0")")
+LD_LIBRARY_PATH=$here/usr/lib/aarch64-linux-gnu exec "$here/usr/bin/python3.9" "$@"
+END
+    chmod 0755 "$new/python"
+    "$new/python" -c 'import pyrealsense2' || return 1
+    rm -rf "$HOME_DIR/camera"
+    mv "$new" "$HOME_DIR/camera"
+}
+if [ "$(uname -m)" = aarch64 ]; then
+    fetched=$(mktemp -d)
+    if [ -z "$camera" ] && [ -z "$wheels" ]; then fetch_camera "$fetched" && camera=$fetched; fi
+    [ -n "$camera" ] && install_camera "$camera" ||
+        echo "install.sh: the L515 cannot be read: its Python 3.9 is not installed; run this again, with a network" >&2
+    rm -rf "$fetched"
+fi
+
 say "configuration, in $CONFIG_DIR"
 mkdir -p "$CONFIG_DIR"
-[ -e "$CONFIG_DIR/robot.toml" ] || install -m 0644 "$SOURCE/robot_app/robot.toml" "$CONFIG_DIR/robot.toml"
+if [ ! -e "$CONFIG_DIR/robot.toml" ]; then
+    install -m 0644 "$SOURCE/robot_app/robot.toml" "$CONFIG_DIR/robot.toml"
+    [ ! -x "$HOME_DIR/camera/python" ] ||
+        sed -i "s|^interpreter = \"\"|interpreter = \"$HOME_DIR/camera/python\"|" "$CONFIG_DIR/robot.toml"
+fi
 [ ! -e "$CONFIG_DIR/pairing.pem" ] || { chown robot "$CONFIG_DIR/pairing.pem" && chmod 0600 "$CONFIG_DIR/pairing.pem"; }
 for boot in /boot/firmware /boot; do
     [ -e "$boot/config.txt" ] || continue

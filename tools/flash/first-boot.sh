@@ -71,12 +71,12 @@ echo "== app"
 mkdir -p /etc/robot-app
 [ ! -e "$SOURCE/robot.toml" ] || install -m 0644 "$SOURCE/robot.toml" /etc/robot-app/robot.toml
 [ ! -e "$SOURCE/pairing.pem" ] || install -m 0600 "$SOURCE/pairing.pem" /etc/robot-app/pairing.pem
-sh "$SOURCE/systemd/install.sh" --wheels "$SOURCE/wheels" --no-start || failed "the app could not be installed"
+sh "$SOURCE/systemd/install.sh" --wheels "$SOURCE/wheels" --camera "$SOURCE/camera" --no-start || failed "the app could not be installed"
 
 # The key and the Wi-Fi's password do not stay on a partition that every computer reads.
 if [ "$status" = 0 ]; then
     rm -f "$HERE/robot-first-boot.tar" "$HERE/first-boot.sh" "$SOURCE/settings.sh" "$SOURCE/pairing.pem"
-    rm -rf "$SOURCE/wheels"
+    rm -rf "$SOURCE/wheels" "$SOURCE/camera"
     echo "== done; the robot starts with the next start"
 fi
 sync

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robot_app.config import DEFAULT_PATH, load_config
+from tools.flash.camera import INTERPRETER, fetch_camera
 from tools.flash.settings import CardSettings
 from tools.flash.wheels import Say, fetch
 
@@ -24,6 +25,7 @@ _FIRST_START = (
 )
 _PAIRING = "/etc/robot-app/pairing.pem"
 _NO_PAIRING = re.compile(r'^pairing = ""', re.MULTILINE)
+_NO_INTERPRETER = re.compile(r'^interpreter = ""', re.MULTILINE)
 _SECRET = frozenset({"pairing.pem", "settings.sh"})
 
 
@@ -44,8 +46,10 @@ def build(settings: CardSettings, wheels: Path | None, say: Say) -> Package:
     with tempfile.TemporaryDirectory() as folder:
         into = wheels or Path(folder)
         pinned = fetch(PROJECT / "requirements" / "robot.lock", PROJECT, into, say)
+        camera = fetch_camera(PROJECT / "systemd" / "camera-packages.txt", into / "camera", say)
         files = _sources()
         files |= {f"wheels/{path.name}": path.read_bytes() for path in sorted(into.glob("*.whl"))}
+        files |= {f"camera/{path.name}": path.read_bytes() for path in camera}
     files["requirements/robot.lock"] = ("\n".join(pinned) + "\n").encode()
     files["settings.sh"] = settings.as_shell().encode()
     files["robot.toml"] = configuration(settings).encode()
@@ -55,10 +59,13 @@ def build(settings: CardSettings, wheels: Path | None, say: Say) -> Package:
 
 
 def configuration(settings: CardSettings) -> str:
-    """The robot's configuration, which names the pairing file when there is one. Raises `ConfigError`."""
+    """The robot's configuration, which names the camera's interpreter, and the pairing file when there is one.
+
+    Raises `ConfigError`.
+    """
     path = settings.robot_toml or DEFAULT_PATH
     load_config(path)  # what the robot would refuse is refused here
-    text = path.read_text(encoding="utf-8")
+    text = _NO_INTERPRETER.sub(f'interpreter = "{INTERPRETER}"', path.read_text(encoding="utf-8"))
     return text if settings.pairing is None else _NO_PAIRING.sub(f'pairing = "{_PAIRING}"', text)
 
 

@@ -75,6 +75,11 @@ def fetch(lock: Path, project: Path, into: Path, say: Say) -> list[str]:
     return [f"{pin.requirement} ; {pin.marker}" if pin.marker else pin.requirement for pin in pins]
 
 
+def download_wheel(requirement: str, sha256: str, python: str, into: Path) -> None:
+    """One wheel for another Python than the app's. Raises `Refused`."""
+    _download([Pin(requirement, None, (f"sha256:{sha256}",))], python, into)
+
+
 def _download(pins: list[Pin], python: str, into: Path) -> None:
     platforms = [word for platform in _PLATFORMS for word in ("--platform", platform)]
     target = [*platforms, "--python-version", python, "--implementation", "cp"]

@@ -13,10 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from robot_app.config import load_config
+from robot_app.config import DEFAULT_PATH, load_config
 from shared.command_line import Refused
 from shared.config import ConfigError
 from tools.flash import __main__ as flash
+from tools.flash.camera import fetch_camera, read_list
 from tools.flash.fat import boot_partition
 from tools.flash.package import PROJECT, Package, archive_of, configuration, first_start
 from tools.flash.settings import CardSettings
@@ -88,6 +89,46 @@ def test_a_configuration_that_the_robot_would_refuse_is_refused(tmp_path: Path) 
     (tmp_path / "mine.toml").write_text("[car]\nwheels = 5\n", encoding="utf-8")
     with pytest.raises(ConfigError, match=r"mine\.toml"):
         configuration(CardSettings(robot_toml=tmp_path / "mine.toml"))
+
+
+def test_the_camera_has_a_python_of_its_own_on_the_card() -> None:
+    files = read_list((PROJECT / "systemd" / "camera-packages.txt").read_text(encoding="utf-8"))
+    assert [file.name.split("_")[0] for file in files[:-1]] == [
+        "libpython3.9-minimal",
+        "libpython3.9-stdlib",
+        "python3.9-minimal",
+        "libusb-1.0-0",
+    ]
+    wheel = files[-1]
+    assert wheel.name == "pyrealsense2-2.54.2.5684-cp39-cp39-manylinux2014_aarch64.whl"
+    pins = read_lock((PROJECT / "requirements" / "robot.lock").read_text(encoding="utf-8"))
+    assert any(f"sha256:{wheel.sha256}" in pin.hashes for pin in pins)
+
+
+def test_a_file_put_there_by_hand_is_taken_and_a_wrong_one_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tools.flash.camera.MIRRORS", ((tmp_path / "mirror").as_uri() + "/",))
+    data = b"package"
+    listed = tmp_path / "list.txt"
+    listed.write_text(f"{hashlib.sha256(data).hexdigest()}  pool/x/x_1_arm64.deb\n", encoding="utf-8")
+    into = tmp_path / "camera"
+    with pytest.raises(Refused, match=r"x_1_arm64\.deb cannot be fetched .* by hand"):
+        fetch_camera(listed, into, lambda _: None)
+    (tmp_path / "mirror" / "pool" / "x").mkdir(parents=True)
+    (tmp_path / "mirror" / "pool" / "x" / "x_1_arm64.deb").write_bytes(b"another")
+    with pytest.raises(Refused, match="sends another file"):
+        fetch_camera(listed, into, lambda _: None)
+    (into / "x_1_arm64.deb").write_bytes(data)
+    assert fetch_camera(listed, into, lambda _: None) == [into / "x_1_arm64.deb"]
+
+
+def test_a_card_names_the_interpreter_of_the_camera_unless_another_is_named(tmp_path: Path) -> None:
+    (tmp_path / "robot.toml").write_text(configuration(CardSettings()), encoding="utf-8")
+    assert load_config(tmp_path / "robot.toml").devices.camera.interpreter == "/opt/robot-app/camera/python"
+    mine = DEFAULT_PATH.read_text(encoding="utf-8").replace('interpreter = ""', 'interpreter = "/my/python"')
+    (tmp_path / "mine.toml").write_text(mine, encoding="utf-8")
+    assert 'interpreter = "/my/python"' in configuration(CardSettings(robot_toml=tmp_path / "mine.toml"))
 
 
 @pytest.mark.parametrize(
