@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable
 from contextlib import ExitStack
 
-from robot_app.drivers.base import DeviceError, DriveSetting
+from robot_app.drivers.base import DeviceError, DriveSetting, Setting
 from robot_app.drivers.config import DriveConfig
 from robot_app.drivers.gpio import GpioOutputs
 from robot_app.drivers.sysfs_pwm import SysfsPwm
@@ -43,11 +42,11 @@ class AckermannDrive:
             self._steer(0.0)
             self._devices = opened.pop_all()
 
-    def set(self, setting: DriveSetting) -> DriveSetting:
+    def set(self, setting: Setting) -> DriveSetting:
         """Returns what was applied after the limits of duty, steering and servo."""
         if self._closed:
             raise DeviceError("drive: is closed")
-        if not (math.isfinite(setting.duty) and math.isfinite(setting.steering_rad)):
+        if not (isinstance(setting, DriveSetting) and setting.is_finite):
             raise DeviceError(f"drive: cannot apply {setting}")
         steering_rad = self._steer(setting.steering_rad)
         limit = self._config.max_duty

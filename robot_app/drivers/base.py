@@ -8,6 +8,7 @@ All stamps are of the clock that the driver was given.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -58,6 +59,17 @@ class EncoderCount:
 
 
 @dataclass(frozen=True, slots=True)
+class OmniCount:
+    """Ticks of the three wheels of an omnidirectional robot, in the order and direction of `OmniGeometry`."""
+
+    stamp_s: float
+    wheels: tuple[int, int, int]
+
+
+Count = EncoderCount | OmniCount
+
+
+@dataclass(frozen=True, slots=True)
 class PowerSample:
     stamp_s: float
     battery_v: float
@@ -76,6 +88,30 @@ class DriveSetting:
 
     duty: float
     steering_rad: float
+
+    @property
+    def is_finite(self) -> bool:
+        return math.isfinite(self.duty) and math.isfinite(self.steering_rad)
+
+    def without_power(self) -> DriveSetting:
+        return DriveSetting(0.0, self.steering_rad)
+
+
+@dataclass(frozen=True, slots=True)
+class OmniSetting:
+    """`duties` in [-1, 1] of the three H-bridges, in the order and direction of `OmniGeometry`."""
+
+    duties: tuple[float, float, float]
+
+    @property
+    def is_finite(self) -> bool:
+        return all(map(math.isfinite, self.duties))
+
+    def without_power(self) -> OmniSetting:
+        return OmniSetting((0.0, 0.0, 0.0))
+
+
+Setting = DriveSetting | OmniSetting
 
 
 class Scanner(Protocol):
@@ -98,7 +134,7 @@ class Imu(Protocol):
 
 
 class Encoders(Protocol):
-    def read(self, timeout_s: float) -> EncoderCount | None: ...
+    def read(self, timeout_s: float) -> Count | None: ...
     def close(self) -> None: ...
 
 
@@ -113,8 +149,8 @@ class Thermometer(Protocol):
 
 
 class Drive(Protocol):
-    def set(self, setting: DriveSetting) -> DriveSetting:
-        """Apply `setting`; returns what was applied after limits."""
+    def set(self, setting: Setting) -> Setting:
+        """Apply `setting`; returns what was applied after limits. One of another kind of robot is a `DeviceError`."""
         ...
 
     def stop(self) -> None:

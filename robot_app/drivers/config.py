@@ -145,6 +145,46 @@ class DriveConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class WheelConfig:
+    """One wheel of the omnidirectional robot: an H-bridge and a quadrature encoder (BCM numbers)."""
+
+    pwm_channel: int
+    forward_line: int
+    reverse_line: int
+    encoder_a: int
+    encoder_b: int
+    motor_reversed: bool = False
+    encoder_reversed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class OmniWheelsConfig:
+    """The three wheels in the order of `OmniGeometry`: front right, front left, back.
+
+    A Pi has two hardware PWM channels, so the three come of a PCA9685, which the kernel shows as a PWM chip too.
+    """
+
+    wheels: tuple[WheelConfig, WheelConfig, WheelConfig]
+    pwm_chip: str = "/sys/class/pwm/pwmchip2"
+    motor_hz: float = 1000.0  # a PCA9685 goes up to 1526, one rate for all its channels
+    gpio_chip: str = "/dev/gpiochip0"
+    max_duty: float = 1.0
+    pull_up: bool = True  # open-collector encoders need it
+
+    def __post_init__(self) -> None:
+        if not 0 < self.max_duty <= 1:
+            raise ValueError("max_duty must be in (0, 1]")
+        if not 10 <= self.motor_hz <= 100_000:
+            raise ValueError("motor_hz must be from 10 to 100000")
+        if len({wheel.pwm_channel for wheel in self.wheels}) < len(self.wheels):
+            raise ValueError("pwm_channel must differ from wheel to wheel")
+
+    def lines(self) -> tuple[int, ...]:
+        """All that are used of the GPIO chip."""
+        return tuple(line for w in self.wheels for line in (w.forward_line, w.reverse_line, w.encoder_a, w.encoder_b))
+
+
+@dataclass(frozen=True, slots=True)
 class ThermometerConfig:
     zone: str = "/sys/class/thermal/thermal_zone0/temp"
     throttled: str = "/sys/devices/platform/soc/soc:firmware/get_throttled"  # of Raspberry Pi OS; may be missing
@@ -159,11 +199,15 @@ class DeviceConfig:
     encoders: EncoderConfig = field(default_factory=EncoderConfig)
     drive: DriveConfig = field(default_factory=DriveConfig)
     thermometer: ThermometerConfig = field(default_factory=ThermometerConfig)
+    omni: OmniWheelsConfig | None = None  # in place of encoders and drive
 
     def __post_init__(self) -> None:
         e, d = self.encoders, self.drive
-        used = [(e.chip, line) for line in (e.left_a, e.left_b, e.right_a, e.right_b)]
-        used += [(d.gpio_chip, line) for line in (d.forward_line, d.reverse_line)]
+        if self.omni is not None:
+            used = [(self.omni.gpio_chip, line) for line in self.omni.lines()]
+        else:
+            used = [(e.chip, line) for line in (e.left_a, e.left_b, e.right_a, e.right_b)]
+            used += [(d.gpio_chip, line) for line in (d.forward_line, d.reverse_line)]
         twice = sorted({line for chip, line in used if used.count((chip, line)) > 1})
         if twice:
             raise ValueError(f"GPIO lines used twice: {', '.join(map(str, twice))}")

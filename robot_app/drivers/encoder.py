@@ -1,4 +1,4 @@
-"""Quadrature encoders of the rear wheels by edge events of the kernel.
+"""Quadrature encoders of the wheels by edge events of the kernel.
 
 The kernel stamps and queues every edge, so that none is missed while nobody reads; each event tells which line
 changed to which level. All four edges of a tick are followed, and a tick is counted for every four of them: a wheel
@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_app.drivers.base import DeviceError, EncoderCount
-from robot_app.drivers.config import EncoderConfig
+from robot_app.drivers.base import DeviceError, EncoderCount, OmniCount
+from robot_app.drivers.config import EncoderConfig, OmniWheelsConfig
 from robot_app.drivers.gpio import load_gpiod
 from shared.runtime.clock import Clock
 
@@ -44,7 +44,8 @@ _PHASE = {(0, 0): 0, (1, 0): 1, (1, 1): 2, (0, 1): 3}
 class _Wheel:
     """Follows the two lines of one wheel."""
 
-    def __init__(self, reverse: bool) -> None:
+    def __init__(self, line_a: int, line_b: int, reverse: bool) -> None:
+        self.lines = (line_a, line_b)
         self._sign = -1 if reverse else 1
         self.levels = [0, 0]
         self.edges = 0
@@ -66,51 +67,51 @@ class _Wheel:
         return self.edges // _EDGES_PER_TICK
 
 
-class QuadratureEncoders:
-    """Lost wires cannot be told from standing wheels here; a motor that gets current and does not turn can."""
+class _Counter:
+    """Counts the ticks of some wheels at one GPIO chip.
 
-    def __init__(self, config: EncoderConfig, clock: Clock) -> None:
-        self._clock = clock
-        self._name = f"encoders at {config.chip}"
-        left, right = _Wheel(config.left_reversed), _Wheel(config.right_reversed)
-        self._left, self._right = left, right
-        self._lines = {config.left_a: (left, 0), config.left_b: (left, 1)}
-        self._lines |= {config.right_a: (right, 0), config.right_b: (right, 1)}
+    Lost wires cannot be told from standing wheels here; a motor that gets current and does not turn can.
+    """
+
+    def __init__(self, chip: str, wheels: tuple[_Wheel, ...], pull_up: bool) -> None:
+        self._name = f"encoders at {chip}"
+        self._wheels = wheels
+        self._lines = {line: (wheel, i) for wheel in wheels for i, line in enumerate(wheel.lines)}
         self._last_seqno: int | None = None
         self.lost_edges = 0
-        self._request: Any = self._open(config)
+        self._request: Any = self._open(chip, pull_up)
         self._read_levels()
 
     @property
     def impossible_edges(self) -> int:
-        return self._left.impossible + self._right.impossible
+        return sum(wheel.impossible for wheel in self._wheels)
 
-    def read(self, timeout_s: float) -> EncoderCount:
-        """The count by now; waits for an edge at most `timeout_s`, and answers without one as well."""
+    def ticks(self, timeout_s: float) -> list[int]:
+        """The counts by now; waits for an edge at most `timeout_s`, and answers without one as well."""
         if self._request is None:
             raise DeviceError(f"{self._name}: is closed")
         try:
             self._drain(timeout_s)
         except (OSError, ValueError) as error:
             raise DeviceError(f"{self._name}: cannot be read: {error}") from error
-        return EncoderCount(self._clock.now_s(), self._left.ticks, self._right.ticks)
+        return [wheel.ticks for wheel in self._wheels]
 
     def close(self) -> None:
         request, self._request = self._request, None
         if request is not None:
             request.release()
 
-    def _open(self, config: EncoderConfig) -> Any:
+    def _open(self, chip: str, pull_up: bool) -> Any:
         gpiod = load_gpiod("encoders")
         line = gpiod.line
         settings = gpiod.LineSettings(
             direction=line.Direction.INPUT,
             edge_detection=line.Edge.BOTH,
-            bias=line.Bias.PULL_UP if config.pull_up else line.Bias.AS_IS,
+            bias=line.Bias.PULL_UP if pull_up else line.Bias.AS_IS,
         )
         try:
             return gpiod.request_lines(
-                config.chip,
+                chip,
                 consumer="robot-app encoders",
                 config={tuple(self._lines): settings},
                 event_buffer_size=_QUEUED_EVENTS,
@@ -151,5 +152,34 @@ class QuadratureEncoders:
             levels = [int(value.value) for value in self._request.get_values(offsets)]
         except (OSError, ValueError) as error:
             raise DeviceError(f"{self._name}: levels cannot be read: {error}") from error
-        self._left.set_levels(levels[0], levels[1])
-        self._right.set_levels(levels[2], levels[3])
+        for i, wheel in enumerate(self._wheels):
+            wheel.set_levels(levels[2 * i], levels[2 * i + 1])
+
+
+class QuadratureEncoders(_Counter):
+    """Of the car's rear wheels."""
+
+    def __init__(self, config: EncoderConfig, clock: Clock) -> None:
+        self._clock = clock
+        c = config
+        wheels = _Wheel(c.left_a, c.left_b, c.left_reversed), _Wheel(c.right_a, c.right_b, c.right_reversed)
+        super().__init__(c.chip, wheels, c.pull_up)
+
+    def read(self, timeout_s: float) -> EncoderCount:
+        """Waits for an edge at most `timeout_s`, and answers without one as well."""
+        left, right = self.ticks(timeout_s)
+        return EncoderCount(self._clock.now_s(), left, right)
+
+
+class OmniEncoders(_Counter):
+    """Of the omnidirectional robot's three wheels."""
+
+    def __init__(self, config: OmniWheelsConfig, clock: Clock) -> None:
+        self._clock = clock
+        wheels = tuple(_Wheel(w.encoder_a, w.encoder_b, w.encoder_reversed) for w in config.wheels)
+        super().__init__(config.gpio_chip, wheels, config.pull_up)
+
+    def read(self, timeout_s: float) -> OmniCount:
+        """Waits for an edge at most `timeout_s`, and answers without one as well."""
+        right, left, back = self.ticks(timeout_s)
+        return OmniCount(self._clock.now_s(), (right, left, back))

@@ -1,4 +1,4 @@
-"""Where the robot thinks it is: distance from the rear encoders, heading from the gyro.
+"""Where the robot thinks it is: distance from the encoders, heading from the gyro.
 
 A wheel that slips turns the encoders' heading at once and the gyro's not at all, so the heading is the gyro's.
 Its bias is measured whenever the car stands still.
@@ -10,11 +10,14 @@ import math
 import threading
 from bisect import bisect_right
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from operator import add
 
-from robot_app.drivers.base import EncoderCount, ImuSample
-from shared.geometry.ackermann import CarGeometry
+from robot_app.drivers.base import Count, ImuSample
+from robot_app.sensing.wheels import Body, Rolled, wheels_of
 from shared.geometry.se2 import Pose2, interpolate, wrap_angle
+
+_NO_STEP = Rolled((), 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,29 +37,34 @@ class OdometryConfig:
 
 @dataclass(frozen=True, slots=True)
 class OdometryState:
-    """`speed_mps` forward along the heading; `distance_m` counts both directions up."""
+    """`speed_mps` forward along the heading, `lateral_mps` to its left; `distance_m` counts all directions up.
+
+    `wheels_mps`: how fast the wheels of each motor roll.
+    """
 
     stamp_s: float
     odom_from_robot: Pose2
     speed_mps: float
     yaw_rate_radps: float
     distance_m: float
+    lateral_mps: float = 0.0
+    wheels_mps: tuple[float, ...] = ()
 
 
 class Odometry:
     """Integrates ticks and yaw rate; one thread updates, any thread reads."""
 
-    def __init__(self, config: OdometryConfig, car: CarGeometry) -> None:
+    def __init__(self, config: OdometryConfig, body: Body) -> None:
         self._config = config
-        self._metres_per_tick = math.tau * car.wheel_radius_m / config.ticks_per_turn * config.distance_scale
+        self._wheels = wheels_of(body, config.ticks_per_turn, config.distance_scale)
         self._lock = threading.Lock()
         self._history: deque[OdometryState] = deque(maxlen=max(2, int(config.history_s * 200)))
         self._state = OdometryState(0.0, Pose2(), 0.0, 0.0, 0.0)
-        self._last_count: EncoderCount | None = None
+        self._last_count: Count | None = None
         self._last_gyro_s: float | None = None
         self._last_tick_s = -math.inf
-        self._recent: deque[tuple[float, float]] = deque(maxlen=64)  # stamp, signed distance so far
-        self._signed_m = 0.0
+        self._recent: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=64)  # stamp, ways of the wheels so far
+        self._ways_m: tuple[float, ...] = ()
         self._bias_radps = 0.0
         self._standing_samples_s = 0.0
 
@@ -71,6 +79,14 @@ class Odometry:
             return math.inf
         return now_s - min(count.stamp_s, gyro_s)
 
+    def speed_age_s(self, now_s: float) -> float:
+        """Of the last count: without one the speed is not known. Infinite before the first."""
+        return math.inf if self._last_count is None else now_s - self._last_count.stamp_s
+
+    def doubt_bias(self) -> None:
+        """The gyro's bias is not what it was: learn it anew, from the next time on that the robot stands."""
+        self._standing_samples_s = 0.0
+
     @property
     def gyro_bias_radps(self) -> float:
         return self._bias_radps
@@ -80,21 +96,24 @@ class Odometry:
         """True once the gyro's bias was seen for as long as its time constant."""
         return self._standing_samples_s >= self._config.bias_time_constant_s
 
-    def update(self, count: EncoderCount | None, imu: ImuSample | None) -> None:
+    def update(self, count: Count | None, imu: ImuSample | None) -> None:
         """Take what came in since the last call; either may be missing."""
         if count is None and imu is None:
             return
-        step_m = self._take_count(count) if count is not None else 0.0
+        step = self._take_count(count) if count is not None else _NO_STEP
         turn_rad, yaw_rate = self._take_gyro(imu) if imu is not None else (0.0, self._state.yaw_rate_radps)
         last = self._state
         middle_rad = last.odom_from_robot.theta_rad + turn_rad / 2
+        c, s = math.cos(middle_rad), math.sin(middle_rad)
         pose = Pose2(
-            last.odom_from_robot.x_m + step_m * math.cos(middle_rad),
-            last.odom_from_robot.y_m + step_m * math.sin(middle_rad),
+            last.odom_from_robot.x_m + (step.x_m * c - step.y_m * s),
+            last.odom_from_robot.y_m + (step.x_m * s + step.y_m * c),
             wrap_angle(last.odom_from_robot.theta_rad + turn_rad),
         )
-        stamp_s = max(s.stamp_s for s in (count, imu) if s is not None)
-        state = OdometryState(stamp_s, pose, self._speed_mps(), yaw_rate, last.distance_m + abs(step_m))
+        stamp_s = max(sample.stamp_s for sample in (count, imu) if sample is not None)
+        wheels_mps = self._wheels_mps()
+        speed, lateral = self._wheels.velocity_mps(wheels_mps) if wheels_mps else (0.0, 0.0)
+        state = OdometryState(stamp_s, pose, speed, yaw_rate, last.distance_m + step.way_m, lateral, wheels_mps)
         with self._lock:
             self._state = state
             self._history.append(state)
@@ -117,20 +136,22 @@ class Odometry:
             before.speed_mps + fraction * (later.speed_mps - before.speed_mps),
             before.yaw_rate_radps + fraction * (later.yaw_rate_radps - before.yaw_rate_radps),
             before.distance_m,
+            before.lateral_mps + fraction * (later.lateral_mps - before.lateral_mps),
+            before.wheels_mps,
         )
 
-    def _take_count(self, count: EncoderCount) -> float:
+    def _take_count(self, count: Count) -> Rolled:
         last, self._last_count = self._last_count, count
         if last is None:
             self._last_tick_s = count.stamp_s
-            return 0.0
-        ticks = (count.left - last.left + count.right - last.right) / 2
-        if ticks:
+            return _NO_STEP
+        rolled = self._wheels.rolled(last, count)
+        if any(rolled.ways_m):
             self._last_tick_s = count.stamp_s
-        step_m = ticks * self._metres_per_tick
-        self._signed_m += step_m
-        self._recent.append((count.stamp_s, self._signed_m))
-        return step_m
+        so_far = self._ways_m or (0.0,) * len(rolled.ways_m)
+        self._ways_m = tuple(map(add, so_far, rolled.ways_m))
+        self._recent.append((count.stamp_s, self._ways_m))
+        return rolled
 
     def _take_gyro(self, imu: ImuSample) -> tuple[float, float]:
         last_s, self._last_gyro_s = self._last_gyro_s, imu.stamp_s
@@ -151,18 +172,19 @@ class Odometry:
         window_s = min(self._standing_samples_s, self._config.bias_time_constant_s)
         self._bias_radps += (raw_radps - self._bias_radps) * min(1.0, elapsed_s / max(window_s, 1e-3))
 
-    def _speed_mps(self) -> float:
+    def _wheels_mps(self) -> tuple[float, ...]:
+        """Over the speed window; nothing before that has passed."""
         if len(self._recent) < 2:
-            return 0.0
+            return ()
         now_s, now_m = self._recent[-1]
         for then_s, then_m in reversed(self._recent):
             if now_s - then_s >= self._config.speed_window_s:
-                return (now_m - then_m) / (now_s - then_s)
-        return 0.0
+                return tuple((now - then) / (now_s - then_s) for now, then in zip(now_m, then_m, strict=True))
+        return ()
 
 
 def _extrapolate(state: OdometryState, stamp_s: float) -> OdometryState:
     """Constant motion past the newest state; a scan is at most a few milliseconds ahead of it."""
     ahead_s = min(stamp_s - state.stamp_s, 0.05)
-    pose = state.odom_from_robot @ Pose2(state.speed_mps * ahead_s, 0.0, state.yaw_rate_radps * ahead_s)
-    return OdometryState(stamp_s, pose, state.speed_mps, state.yaw_rate_radps, state.distance_m)
+    moved = Pose2(state.speed_mps * ahead_s, state.lateral_mps * ahead_s, state.yaw_rate_radps * ahead_s)
+    return replace(state, stamp_s=stamp_s, odom_from_robot=state.odom_from_robot @ moved)

@@ -9,17 +9,17 @@ from typing import Any, Generic, Protocol, TypeVar, cast
 import numpy as np
 
 from robot_app.drivers.base import (
+    Count,
     DepthCamera,
     DepthImage,
     DeviceError,
     Drive,
-    DriveSetting,
-    EncoderCount,
     Hardware,
     ImuSample,
     PowerSample,
     RawScan,
     Scanner,
+    Setting,
     TemperatureSample,
 )
 from shared.geometry.camera import Intrinsics
@@ -129,12 +129,12 @@ class FaultyDrive:
         self._inner = inner
         self._fault = fault
 
-    def set(self, setting: DriveSetting) -> DriveSetting:
+    def set(self, setting: Setting) -> Setting:
         if self._fault.kind is not FaultKind.NONE:
             self._inner.stop()
         self._fault.check("drive")
         if self._fault.kind is FaultKind.SILENT:
-            return DriveSetting(0.0, setting.steering_rad)
+            return setting.without_power()
         return self._inner.set(setting)
 
     def stop(self) -> None:
@@ -148,7 +148,7 @@ def with_faults(hardware: Hardware) -> tuple[Hardware, Faults]:
     """The same devices with a switch for the fault of each."""
     faults = Faults()
     imu: _FaultyReader[ImuSample] = _FaultyReader("imu", hardware.imu, faults.imu)
-    encoders: _FaultyReader[EncoderCount] = _FaultyReader("encoders", hardware.encoders, faults.encoders)
+    encoders: _FaultyReader[Count] = _FaultyReader("encoders", hardware.encoders, faults.encoders)
     power: _FaultyReader[PowerSample] = _FaultyReader("power", hardware.power, faults.power)
     thermometer: _FaultyReader[TemperatureSample] = _FaultyReader(
         "thermometer", hardware.thermometer, faults.thermometer
