@@ -60,8 +60,8 @@ def camera_intrinsics(parameters: CameraParameters) -> Intrinsics:
 
 
 def camera_mount(scenario: Scenario) -> CameraMount:
-    car = scenario.car
-    return CameraMount(car.camera_x_m, car.camera_z_m, math.radians(car.camera_pitch_down_deg))
+    body = scenario.body
+    return CameraMount(body.camera_x_m, body.camera_z_m, math.radians(body.camera_pitch_down_deg))
 
 
 class DepthRenderer:

@@ -6,7 +6,6 @@ where a pump advances it and a read waits.
 
 from __future__ import annotations
 
-import math
 import threading
 from collections.abc import Callable
 from typing import Generic, Protocol, TypeVar
@@ -14,14 +13,14 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 
 from robot_app.drivers.base import (
+    Count,
     DepthImage,
     DeviceError,
-    DriveSetting,
-    EncoderCount,
     Hardware,
     ImuSample,
     PowerSample,
     RawScan,
+    Setting,
     TemperatureSample,
 )
 from shared.geometry.camera import Intrinsics
@@ -146,10 +145,10 @@ class DriveDriver:
         self._world = world
         self._open = True
 
-    def set(self, setting: DriveSetting) -> DriveSetting:
+    def set(self, setting: Setting) -> Setting:
         if not self._open:
             raise DeviceError("drive: is closed")
-        if not (math.isfinite(setting.duty) and math.isfinite(setting.steering_rad)):
+        if not setting.is_finite:
             raise DeviceError(f"drive: cannot apply {setting}")
         return self._world.set_drive(setting)
 
@@ -171,7 +170,7 @@ class SimulatedHardware:
         self.slip = WheelSlip(world)
         for observer in (scanner, imu, exposures, self.slip):
             world.add_observer(observer)
-        encoders: _AskedDriver[EncoderCount] = _AskedDriver(
+        encoders: _AskedDriver[Count] = _AskedDriver(
             "encoders", world, SimulatedEncoders(world, self.slip).sample, waits
         )
         power: _AskedDriver[PowerSample] = _AskedDriver("power", world, SimulatedPowerMonitor(world).sample, waits)

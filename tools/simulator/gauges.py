@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from robot_app.drivers.base import EncoderCount, PowerSample, TemperatureSample
+from robot_app.drivers.base import Count, EncoderCount, OmniCount, PowerSample, TemperatureSample
 from tools.simulator.slip import WheelSlip
 from tools.simulator.world import World
 
@@ -15,21 +15,27 @@ class SimulatedEncoders:
     def __init__(self, world: World, slip: WheelSlip) -> None:
         self._world = world
         self._slip = slip
-        p = world.scenario.encoders
-        self._per_rad = p.ticks_per_turn / math.tau
-        self._scale = 1 + p.left_scale_error, 1 + p.right_scale_error
+        p, omni = world.scenario.encoders, world.scenario.omni
+        if world.scenario.robot == "car":
+            self._per_rad = p.ticks_per_turn / math.tau
+            errors: tuple[float, ...] = (p.left_scale_error, p.right_scale_error)
+        else:
+            self._per_rad = omni.ticks_per_turn / math.tau
+            errors = omni.wheel_scale_errors
+        self._scale = [1 + error for error in errors]
         # The discs stand anywhere at the start: the first tick of one wheel comes before that of the other.
-        left, right = world.random("encoders").random(2).tolist()
-        self._phase = float(left), float(right)
+        self._phase: list[float] = world.random("encoders").random(len(errors)).tolist()
         self._zero_rad = slip.angles_rad
 
-    def sample(self) -> EncoderCount:
+    def sample(self) -> Count:
         angles = self._slip.angles_rad
-        left, right = (
+        ticks = [
             math.floor((angle - zero) * scale * self._per_rad + phase)
             for angle, zero, scale, phase in zip(angles, self._zero_rad, self._scale, self._phase, strict=True)
-        )
-        return EncoderCount(self._world.time_s, left, right)
+        ]
+        if len(ticks) == 2:
+            return EncoderCount(self._world.time_s, *ticks)
+        return OmniCount(self._world.time_s, (ticks[0], ticks[1], ticks[2]))
 
 
 class SimulatedPowerMonitor:

@@ -14,7 +14,7 @@ from tools.simulator._kernels import beam_directions, echoes
 from tools.simulator.engine import mujoco
 from tools.simulator.mailbox import Mailbox
 from tools.simulator.mjcf import STEP_S
-from tools.simulator.scenario import CarParameters, ScannerParameters
+from tools.simulator.scenario import ScannerParameters
 from tools.simulator.solids import solids_of
 from tools.simulator.world import World
 
@@ -25,14 +25,14 @@ _FLOOR_REFLECTIVITY = 0.3
 _QUANTUM_M = 0.001
 
 
-def scan_geometry(parameters: ScannerParameters, car: CarParameters) -> ScanGeometry:
+def scan_geometry(parameters: ScannerParameters, scanner_x_m: float) -> ScanGeometry:
     return ScanGeometry(
         first_angle_rad=(_FIRST_STEP - _FRONT_STEP) * math.tau / _STEPS_PER_TURN,
         step_rad=math.tau / _STEPS_PER_TURN,
         beam_interval_s=parameters.period_s / _STEPS_PER_TURN,
         range_min_m=parameters.range_min_m,
         range_max_m=parameters.range_max_m,
-        robot_from_scanner=Pose2(car.scanner_x_m, 0.0, 0.0),
+        robot_from_scanner=Pose2(scanner_x_m, 0.0, 0.0),
     )
 
 
@@ -43,7 +43,7 @@ class RollingScanner:
         self._world = world
         self._parameters = world.scenario.scanner
         self._random = world.random("scanner")
-        self.geometry = scan_geometry(self._parameters, world.scenario.car)
+        self.geometry = scan_geometry(self._parameters, world.scenario.body.scanner_x_m)
         self.scans: Mailbox[RawScan] = Mailbox(world.moved)
         self._site = mujoco.mj_name2id(world.model, mujoco.mjtObj.mjOBJ_SITE, "scanner")
         self._reflectivity = _reflectivity_of_geoms(world)

@@ -9,13 +9,16 @@ from __future__ import annotations
 
 import math
 
-from tools.simulator.scenario import CameraParameters, CarParameters, Scenario
+from shared.geometry.omni3 import WHEEL_ANGLES_RAD
+from tools.simulator.scenario import CameraParameters, CarParameters, OmniParameters, Scenario
 from tools.simulator.solids import Solid, solids_of
 
 STEP_S = 0.002
 ROBOT_GROUP = 3
 CAMERA_FAR_M = 12.0
 _SLOT_BOTTOM_M, _SLOT_TOP_M = 0.082, 0.105  # the scanner looks out between the two decks
+TRACTION_NS_PER_M = 600.0  # how stiffly an omnidirectional wheel follows the floor
+_GRAVITY_MPS2 = 9.81
 _WHEEL_KG = 0.1
 _KNUCKLE_KG = 0.02
 _KNUCKLE_RANGE_RAD = 0.68
@@ -25,7 +28,7 @@ _ROBOT = f'contype="0" conaffinity="1" group="{ROBOT_GROUP}"'
 def mjcf(scenario: Scenario) -> str:
     """The XML text of the model."""
     camera = scenario.camera
-    extent = 5.0
+    extent, is_car = 5.0, scenario.robot == "car"
     solids = "\n".join(_solid(solid) for solid in solids_of(scenario))
     return f"""<mujoco model="{scenario.name}">
 <compiler angle="radian" autolimits="true"/>
@@ -36,16 +39,22 @@ def mjcf(scenario: Scenario) -> str:
 <worldbody>
 <geom name="floor" type="plane" size="0 0 0.1"/>
 {solids}
-{_car(scenario.car, camera, scenario.floor_friction)}
+{_car(scenario.car, camera, scenario.floor_friction) if is_car else _omni(scenario.omni, camera)}
 </worldbody>
-<tendon><fixed name="drive"><joint joint="rl_spin" coef="0.5"/><joint joint="rr_spin" coef="0.5"/></fixed></tendon>
+{_car_actuators(scenario.car) if is_car else _omni_actuators(scenario.omni, scenario.floor_friction)}
+<sensor><accelerometer name="accelerometer" site="imu"/><gyro name="gyro" site="imu"/></sensor>
+</mujoco>"""
+
+
+def _car_actuators(car: CarParameters) -> str:
+    return f"""<tendon>
+<fixed name="drive"><joint joint="rl_spin" coef="0.5"/><joint joint="rr_spin" coef="0.5"/></fixed>
+</tendon>
 <actuator>
 <position name="fl_servo" joint="fl_steer" kp="6" kv="0.2"/>
 <position name="fr_servo" joint="fr_steer" kp="6" kv="0.2"/>
-<velocity name="motor" tendon="drive" kv="{motor_damping(scenario.car)}"/>
-</actuator>
-<sensor><accelerometer name="accelerometer" site="imu"/><gyro name="gyro" site="imu"/></sensor>
-</mujoco>"""
+<velocity name="motor" tendon="drive" kv="{motor_damping(car)}"/>
+</actuator>"""
 
 
 def motor_damping(car: CarParameters) -> float:
@@ -101,7 +110,7 @@ def _box(
     )
 
 
-def _camera(car: CarParameters, camera: CameraParameters) -> str:
+def _camera(car: CarParameters | OmniParameters, camera: CameraParameters) -> str:
     """A pinhole camera with its own focal length along each axis."""
     pitch = math.radians(car.camera_pitch_down_deg)
     fx = camera.width / 2 / math.tan(math.radians(camera.horizontal_deg) / 2)
@@ -111,6 +120,57 @@ def _camera(car: CarParameters, camera: CameraParameters) -> str:
         f'xyaxes="0 -1 0 {math.sin(pitch)} 0 {math.cos(pitch)}" resolution="{camera.width} {camera.height}" '
         f'sensorsize="{camera.width * 1e-5} {camera.height * 1e-5}" focalpixel="{fx:.9f} {fy:.9f}"/>'
     )
+
+
+def grip_n(omni: OmniParameters, friction: float) -> float:
+    """How hard each wheel can pull before it slips: a third of the weight is on it."""
+    return friction * omni.mass_kg * _GRAVITY_MPS2 / 3
+
+
+def _omni(omni: OmniParameters, camera: CameraParameters) -> str:
+    """A disc on frictionless feet, which the wheels pull at where they touch the floor."""
+    r = omni.wheel_radius_m
+    feet_kg = 3 * _WHEEL_KG
+    low_kg, high_kg = 0.75 * (omni.mass_kg - feet_kg), 0.25 * (omni.mass_kg - feet_kg)
+    decks = [
+        _disc("deck_low", omni.radius_m, 0.02, _SLOT_BOTTOM_M, r, low_kg),
+        _disc("deck_high", omni.radius_m, _SLOT_TOP_M, omni.height_m, r, high_kg),
+    ]
+    feet = [_foot(i, angle, omni) for i, angle in enumerate(WHEEL_ANGLES_RAD)]
+    newline = "\n"
+    return f"""<body name="omni" pos="0 0 {r}"><freejoint name="root"/>
+{newline.join(decks)}
+<site name="imu" pos="0 0 {0.05 - r}"/>
+<site name="scanner" pos="{omni.scanner_x_m} 0 {omni.scanner_z_m - r}"/>
+{_camera(omni, camera)}
+{newline.join(feet)}
+</body>"""
+
+
+def _disc(name: str, radius_m: float, low_m: float, high_m: float, base_m: float, kg: float) -> str:
+    z, half_z = (low_m + high_m) / 2 - base_m, (high_m - low_m) / 2
+    return f'<geom name="{name}" type="cylinder" pos="0 0 {z}" size="{radius_m} {half_z}" mass="{kg}" {_ROBOT}/>'
+
+
+def _foot(index: int, angle_rad: float, omni: OmniParameters) -> str:
+    """A site whose x axis is the direction in which the wheel drives, and a foot above it."""
+    x, y = omni.wheel_distance_m * math.cos(angle_rad), omni.wheel_distance_m * math.sin(angle_rad)
+    r = omni.wheel_radius_m
+    return (
+        f'<geom name="wheel_{index}" type="sphere" size="{r}" pos="{x} {y} 0" mass="{_WHEEL_KG}" '
+        f'friction="0 0 0" condim="1" priority="1" {_ROBOT}/>'
+        f'<site name="wheel_{index}" pos="{x} {y} {-r}" euler="0 0 {angle_rad + math.pi / 2}"/>'
+    )
+
+
+def _omni_actuators(omni: OmniParameters, friction: float) -> str:
+    limit = grip_n(omni, friction)
+    motors = [
+        f'<velocity name="motor_{i}" site="wheel_{i}" gear="1 0 0 0 0 0" kv="{TRACTION_NS_PER_M}" '
+        f'forcerange="{-limit} {limit}"/>'
+        for i in range(len(WHEEL_ANGLES_RAD))
+    ]
+    return f"<actuator>{''.join(motors)}</actuator>"
 
 
 def _wheel(name: str, car: CarParameters, x_m: float, side: int, friction: float) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -221,6 +221,33 @@ class CarParameters:
 
 
 @dataclass(frozen=True, slots=True)
+class OmniParameters:
+    """A disc of 340 mm on three omnidirectional wheels, each with a small geared motor."""
+
+    wheel_distance_m: float = 0.13
+    wheel_radius_m: float = 0.04
+    radius_m: float = 0.17
+    height_m: float = 0.20
+    mass_kg: float = 4.0
+    no_load_speed_mps: float = 0.70  # of a wheel, full duty at the battery's nominal voltage
+    stall_torque_nm: float = 0.3  # of each wheel
+    stall_current_a: float = 2.0
+    gear_friction_nm: float = 0.01
+    wheel_inertia_kgm2: float = 4e-4  # with its motor behind the gear
+    ticks_per_turn: int = 320
+    wheel_scale_errors: tuple[float, float, float] = (0.003, -0.002, 0.001)  # wheels larger than their drawing
+    scanner_x_m: float = 0.0
+    scanner_z_m: float = 0.09
+    camera_x_m: float = 0.13
+    camera_z_m: float = 0.17
+    camera_pitch_down_deg: float = 0.0
+
+
+RobotName = Literal["car", "omni"]
+ROBOT_NAMES: tuple[RobotName, ...] = get_args(RobotName)
+
+
+@dataclass(frozen=True, slots=True)
 class Scenario:
     name: str
     start: Start
@@ -228,7 +255,9 @@ class Scenario:
     items: tuple[Item, ...] = ()
     goals: tuple[Goal, ...] = ()
     floor_friction: float = 1.0
+    robot: RobotName = "car"
     car: CarParameters = field(default_factory=CarParameters)
+    omni: OmniParameters = field(default_factory=OmniParameters)
     scanner: ScannerParameters = field(default_factory=ScannerParameters)
     camera: CameraParameters = field(default_factory=CameraParameters)
     imu: ImuParameters = field(default_factory=ImuParameters)
@@ -256,6 +285,11 @@ class Scenario:
             inside = next((item.name for item in self.items if item.kind in _CLOSED and _covers(item, place)), None)
             if inside is not None:
                 raise ValueError(f"{what}: {place} is in or against {inside}")
+
+    @property
+    def body(self) -> CarParameters | OmniParameters:
+        """Of the robot that is simulated."""
+        return self.car if self.robot == "car" else self.omni
 
     def goals_in_start_frame_m(self) -> tuple[tuple[float, float], ...]:
         """The goals as seen from the start pose, which is where a map begins."""

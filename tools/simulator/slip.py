@@ -25,10 +25,10 @@ _SMOOTH_S = 0.05  # of the wheels' speed, which the acceleration is seen from
 
 @dataclass(frozen=True, slots=True)
 class SlipFigures:
-    """What the encoders of the left and the right wheel really counted, against the way that the wheels rolled."""
+    """What the encoder of each wheel really counted, against the way that the wheel rolled."""
 
-    net: tuple[float, float]  # (counted - rolled) / rolled
-    mean_abs: tuple[float, float]  # of the slip, over the way
+    net: tuple[float, ...]  # (counted - rolled) / rolled
+    mean_abs: tuple[float, ...]  # of the slip, over the way
 
 
 class WheelSlip:
@@ -38,34 +38,33 @@ class WheelSlip:
         self._world = world
         self._parameters = world.scenario.encoders.slip
         self._random = world.random("slip")
+        wheels = len(world.wheel_angles_rad())
         sign = 1.0 if self._random.random() < 0.5 else -1.0
         spread = self._parameters.wheels_differ * self._random.uniform(-1.0, 1.0)
-        self._steady = sign * self._parameters.steady * np.array([1.0 + spread, 1.0 - spread])
-        self._wander = self._parameters.wander * self._random.standard_normal(2)
-        self._burst = np.zeros(2)
-        self._burst_until_s = np.zeros(2)
+        self._steady = sign * self._parameters.steady * np.array([1.0 + spread, 1.0 - spread, 1.0])[:wheels]
+        self._wander = self._parameters.wander * self._random.standard_normal(wheels)
+        self._burst = np.zeros(wheels)
+        self._burst_until_s = np.zeros(wheels)
         self._rolled_rad = np.array(world.wheel_angles_rad())
-        self._extra_rad = np.zeros(2)
-        self._way_rad, self._slipped_rad = np.zeros(2), np.zeros(2)
+        self._extra_rad = np.zeros(wheels)
+        self._way_rad, self._slipped_rad = np.zeros(wheels), np.zeros(wheels)
         self._speed_mps, self._smooth_mps = 0.0, 0.0
-        self._steering_rad = world.servo.angle_rad
+        self._steering_rad = world.steering_rad
 
     @property
-    def angles_rad(self) -> tuple[float, float]:
-        """Left and right, since the world began."""
-        left, right = self._world.wheel_angles_rad()
-        return left + float(self._extra_rad[0]), right + float(self._extra_rad[1])
+    def angles_rad(self) -> tuple[float, ...]:
+        """Of each wheel, since the world began."""
+        rolled = self._world.wheel_angles_rad()
+        return tuple(angle + extra for angle, extra in zip(rolled, self._extra_rad.tolist(), strict=True))
 
     @property
-    def slip(self) -> tuple[float, float]:
-        """Of the left and the right wheel now."""
-        now = self._steady + self._wander + self._burst
-        return float(now[0]), float(now[1])
+    def slip(self) -> tuple[float, ...]:
+        """Of each wheel now."""
+        return tuple((self._steady + self._wander + self._burst).tolist())
 
     def figures(self) -> SlipFigures:
         way = np.maximum(self._way_rad, 1e-9)
-        net, mean_abs = (self._extra_rad / way).tolist(), (self._slipped_rad / way).tolist()
-        return SlipFigures((net[0], net[1]), (mean_abs[0], mean_abs[1]))
+        return SlipFigures(tuple((self._extra_rad / way).tolist()), tuple((self._slipped_rad / way).tolist()))
 
     def after_step(self) -> None:
         if self._world.steps % _EVERY or not self._parameters.is_any:
@@ -81,19 +80,19 @@ class WheelSlip:
 
     def _draw(self, step_rad: NDArray[np.float64]) -> None:
         p = self._parameters
-        radius_m = self._world.scenario.car.wheel_radius_m
+        radius_m = self._world.scenario.body.wheel_radius_m
         kept = np.exp(-np.abs(step_rad) * radius_m / p.wander_way_m)
-        self._wander = kept * self._wander + p.wander * np.sqrt(1 - kept**2) * self._random.standard_normal(2)
+        self._wander = kept * self._wander + p.wander * np.sqrt(1 - kept**2) * self._random.standard_normal(len(kept))
         self._smooth_mps += (float(step_rad.mean()) * radius_m / _PERIOD_S - self._smooth_mps) * _PERIOD_S / _SMOOTH_S
         gaining_mps2 = (abs(self._smooth_mps) - abs(self._speed_mps)) / _PERIOD_S
-        steered_radps = abs(self._world.servo.angle_rad - self._steering_rad) / _PERIOD_S
-        self._speed_mps, self._steering_rad = self._smooth_mps, self._world.servo.angle_rad
+        steered_radps = abs(self._world.steering_rad - self._steering_rad) / _PERIOD_S
+        self._speed_mps, self._steering_rad = self._smooth_mps, self._world.steering_rad
         self._draw_bursts(gaining_mps2, steered_radps)
 
     def _draw_bursts(self, gaining_mps2: float, steered_radps: float) -> None:
         """A wheel that pulls spins, one that brakes locks, one that is steered does the one or the other."""
         p, now_s = self._parameters, self._world.elapsed_s
-        draws = self._random.random((2, 4))
+        draws = self._random.random((len(self._burst), 4))
         pulls = abs(gaining_mps2) > p.burst_above_mps2
         begins = draws[:, 0] < -math.expm1(-p.bursts_hz * _PERIOD_S)
         begins &= (pulls or steered_radps > p.burst_above_radps) & (now_s >= self._burst_until_s)

@@ -35,7 +35,7 @@ class TrueSurfaces:
 
 def true_surfaces(scenario: Scenario, height_m: float | None = None) -> TrueSurfaces:
     """The outlines of everything at that height, by default the scanner's, without what lies inside other things."""
-    height = scenario.car.scanner_z_m if height_m is None else height_m
+    height = scenario.body.scanner_z_m if height_m is None else height_m
     solids = [solid for solid in solids_of(scenario) if solid.reaches(height)]
     pieces: list[NDArray[np.float64]] = []
     for solid in solids:

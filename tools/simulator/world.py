@@ -9,19 +9,19 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_app.drivers.base import DriveSetting
+from robot_app.drivers.base import Setting
 from shared.geometry.se2 import Pose2
 from tools.simulator.contacts import CollisionCounter
 from tools.simulator.engine import mujoco
+from tools.simulator.machines import make_machine
 from tools.simulator.mjcf import STEP_S, mjcf
-from tools.simulator.powertrain import Battery, SteeringServo
+from tools.simulator.powertrain import Battery
 from tools.simulator.scenario import Scenario
 from tools.simulator.track import Track
 
 _POWER_EVERY = 10  # steps
 _TRUTH_EVERY = 10  # steps: 50 Hz
 _SETTLE_STEPS = 250  # the car finds its contacts with the floor before the mission begins
-_RIGHT_REAR_SPIN, _LEFT_REAR_SPIN = "rr_spin", "rl_spin"
 
 
 class StepObserver(Protocol):
@@ -48,14 +48,11 @@ class World:
         self.steps = 0
         self.truth = Track(scenario.start.room_from_robot)
         self.collisions = CollisionCounter(self.model)
-        self.servo = SteeringServo(scenario.car)
+        self._machine = make_machine(scenario, self.model)
         self.battery = Battery(scenario.battery)
         self.slipped_s = 0.0  # real time that the world stood still because the machine was too slow
         self._offset_s = start_s
-        self._duty = 0.0
-        self._no_load_radps = scenario.car.no_load_speed_mps / scenario.car.wheel_radius_m
         self._observers: list[StepObserver] = []
-        self._left, self._right = self._joint_address(_LEFT_REAR_SPIN), self._joint_address(_RIGHT_REAR_SPIN)
         self._settle()
 
     def random(self, device: str) -> np.random.Generator:
@@ -97,19 +94,14 @@ class World:
             self._offset_s += seconds
             self.slipped_s += seconds
 
-    def set_drive(self, setting: DriveSetting) -> DriveSetting:
+    def set_drive(self, setting: Setting) -> Setting:
         """Returns what is applied after limits."""
-        limit = self.scenario.car.max_steering_rad
-        applied = DriveSetting(max(-1.0, min(1.0, setting.duty)), max(-limit, min(limit, setting.steering_rad)))
         with self.moved:
-            self._duty = applied.duty
-            self.servo.target_rad = applied.steering_rad
-        return applied
+            return self._machine.set(setting)
 
     def cut_motor(self) -> None:
-        """Duty 0: the bridge shorts the motor, which brakes the car. The servo stays where it is."""
         with self.moved:
-            self._duty = 0.0
+            self._machine.cut()
 
     def room_from_robot(self) -> Pose2:
         """The true pose now."""
@@ -121,9 +113,14 @@ class World:
         theta = self.room_from_robot().theta_rad
         return float(self.data.qvel[0]) * math.cos(theta) + float(self.data.qvel[1]) * math.sin(theta)
 
-    def wheel_angles_rad(self) -> tuple[float, float]:
-        """How far the left and the right rear wheel have turned forward."""
-        return float(self.data.qpos[self._left]), float(self.data.qpos[self._right])
+    def wheel_angles_rad(self) -> tuple[float, ...]:
+        """How far each wheel with an encoder has turned forward: of a car the left and the right rear one."""
+        return self._machine.wheel_angles_rad(self.data)
+
+    @property
+    def steering_rad(self) -> float:
+        """Where the servo stands."""
+        return self._machine.steering_rad
 
     def camera_state(self) -> NDArray[np.float64]:
         """(nq,): all that an image of this moment depends on."""
@@ -139,10 +136,6 @@ class World:
             self.data.qvel[:] = 0.0
             mujoco.mj_forward(self.model, self.data)
 
-    def _joint_address(self, name: str) -> int:
-        joint = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_JOINT, name)
-        return int(self.model.jnt_qposadr[joint])
-
     def _settle(self) -> None:
         self.place(self.scenario.start.room_from_robot)
         mujoco.mj_step(self.model, self.data, _SETTLE_STEPS)
@@ -150,12 +143,9 @@ class World:
         self.truth.record(self.time_s, self.room_from_robot())
 
     def _step(self) -> None:
-        if self.servo.step(STEP_S):
-            self.data.ctrl[0], self.data.ctrl[1] = self.servo.wheel_angles_rad()
         if self.steps % _POWER_EVERY == 0:
             self._update_battery()
-        nominal_v = self.scenario.battery.nominal_v
-        self.data.ctrl[2] = self._duty * self._no_load_radps * self.battery.voltage_v / nominal_v
+        self._machine.before_step(self.data, self.battery.voltage_v)
         began_s = self.time_s
         mujoco.mj_step(self.model, self.data)
         self.steps += 1
@@ -166,7 +156,5 @@ class World:
             observer.after_step()
 
     def _update_battery(self) -> None:
-        car = self.scenario.car
-        torque_nm = abs(float(self.data.actuator_force[2]))
-        current_a = torque_nm / car.stall_torque_nm * car.stall_current_a
-        self.battery.step(_POWER_EVERY * STEP_S, current_a, self._duty)
+        current_a, share = self._machine.current_a(self.data)
+        self.battery.step(_POWER_EVERY * STEP_S, current_a, share)

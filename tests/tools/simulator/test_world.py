@@ -72,9 +72,9 @@ def test_the_servo_takes_its_time(room: MakeRoom) -> None:
     world = World(room(), seed=1)
     world.set_drive(DriveSetting(0.0, 0.5))
     run_for(world, 0.05)
-    assert 0.1 < world.servo.angle_rad < 0.25
+    assert 0.1 < world.steering_rad < 0.25
     run_for(world, 0.5)
-    assert world.servo.angle_rad == pytest.approx(0.5)
+    assert world.steering_rad == pytest.approx(0.5)
 
 
 def test_settings_beyond_the_limits_are_cut(room: MakeRoom) -> None:
