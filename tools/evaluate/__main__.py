@@ -11,10 +11,12 @@ from tools.evaluate.depth import drawing, extraction, lateness, learners, tables
 from tools.evaluate.goals import command as goals
 from tools.evaluate.link import air, codec, cut_missions, radio_mission
 from tools.evaluate.mapping import command as mapping
+from tools.evaluate.missions import command as missions
 from tools.logs.base import LogError
 
 _COMMANDS = {
     "mission": (mission, "the demo's mission in lock-step, no window"),
+    "missions": (missions, "many observations in rooms re-arranged at random: contacts, floor seen, speeds"),
     "map": (mapping, "missions with different seeds, their 2D and 3D maps against the truth"),
     "goals": (goals, "random goals: what can be reached is, what cannot is refused"),
     "slam": (slam, "2D SLAM on a recorded log, against hand-made relations"),

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from robot_app.app import RobotApp
 from robot_app.config import RobotConfig
+from robot_app.schedule import DEPTH
 from shared.geometry.se2 import Pose2
 from shared.runtime.clock import ManualClock
 from shared.runtime.runner import LockstepRunner, OnFault, Row, Task
@@ -17,7 +18,7 @@ from station_gui.build import build_station
 from station_gui.config import StationConfig
 from station_gui.mapping.snapshot import MapSnapshot
 from station_gui.model.figures import MissionFigures
-from station_gui.model.station import Station
+from station_gui.model.station import MAPPING_ROW, PLANNING_ROW, Station
 from tools.director import Director, Outcome
 from tools.simulator.drivers import SimulatedHardware
 from tools.simulator.faults import with_faults
@@ -30,6 +31,7 @@ from tools.simulator.world import World
 
 _OPERATOR = Row("operator", 10.0, 1.0, 0.1, OnFault.RETRY)
 _SLICE_S = 1.0
+MAPPING_AND_DEPTH = frozenset({DEPTH, MAPPING_ROW, PLANNING_ROW})
 _LONGEST_S = 900.0
 
 
@@ -57,7 +59,9 @@ class Lockstep:
         link: LinkName = "tcp",
         witness: Witness | None = None,
         link_seed: int | None = None,
+        without: frozenset[Row] = frozenset(),
     ) -> None:
+        """`without`: tasks that do not run."""
         self.clock = ManualClock()
         self.joint: Joint = open_links(link, self.clock, seed if link_seed is None else link_seed)
         if witness is not None:
@@ -73,6 +77,7 @@ class Lockstep:
         self._operator: Callable[[], object] = self.station.view
         self.failures: list[str] = []
         tasks = [*self.app.tasks(), *self.station.tasks(), Task(_OPERATOR, self._operate)]
+        tasks = [task for task in tasks if task.row not in without]
         self._runner = LockstepRunner(tasks, self.clock, self._advance_to, self._on_fault)
         self.app.use_health(lambda: self._runner.health)
         self.app.warm_up()

@@ -13,7 +13,7 @@ from shared.geometry.se2 import Pose2
 from tools.simulator.scenario import Scenario
 from tools.simulator.solids import Solid, solids_of
 
-_MARGIN_M = 0.2
+MARGIN_M = 0.2
 _OVERSAMPLING = 3
 _WALL = (60, 60, 66)
 _START = (40, 130, 70)
@@ -27,14 +27,14 @@ class _Paper:
     def __init__(self, scenario: Scenario, pixels_per_m: int) -> None:
         room = scenario.room
         self._scale = pixels_per_m * _OVERSAMPLING
-        self._height_m = room.width_y_m + 2 * _MARGIN_M
-        size = (round((room.length_x_m + 2 * _MARGIN_M) * self._scale), round(self._height_m * self._scale))
+        self._height_m = room.width_y_m + 2 * MARGIN_M
+        size = (round((room.length_x_m + 2 * MARGIN_M) * self._scale), round(self._height_m * self._scale))
         self.image = Image.new("RGB", size, (250, 249, 245))
         self.draw = ImageDraw.Draw(self.image)
 
     def at(self, points_m: NDArray[np.floating]) -> list[tuple[float, float]]:
-        x = (points_m[:, 0] + _MARGIN_M) * self._scale
-        y = (self._height_m - _MARGIN_M - points_m[:, 1]) * self._scale
+        x = (points_m[:, 0] + MARGIN_M) * self._scale
+        y = (self._height_m - MARGIN_M - points_m[:, 1]) * self._scale
         return list(zip(x.tolist(), y.tolist(), strict=True))
 
     def px(self, length_m: float) -> int:

@@ -106,3 +106,16 @@ def flood(
             stack[size, 0], stack[size, 1], stack[size, 2] = x, y, t
             size += 1
     return count
+
+
+@njit(nogil=True, cache=True)
+def places_that_fit(
+    boxes: Floats, car: Floats, far_m: Floats, far_cell: float, cell: float, fits: NDArray[np.bool_]
+) -> None:
+    """Write into `fits` (rows, columns, headings) where the car stands clear of all boxes."""
+    rows, columns, headings = fits.shape
+    for i in range(rows):
+        for j in range(columns):
+            for h in range(headings):
+                theta = (h + 0.5) * 2.0 * math.pi / headings
+                fits[i, j, h] = is_free(boxes, car, far_m, far_cell, (j + 0.5) * cell, (i + 0.5) * cell, theta)

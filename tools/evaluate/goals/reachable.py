@@ -48,6 +48,22 @@ class Reachable:
         headings = np.flatnonzero(self._seen[i, j])
         return any(self._is_free(place_m, (k + 0.5) * math.tau / _HEADINGS) for k in headings.tolist())
 
+    def poses_m(self) -> NDArray[np.float64]:
+        """(N, 3): the middles of all cells of x, y and heading that the car gets to, room frame."""
+        row, column, heading = np.nonzero(self._seen)
+        turn = (heading + 0.5) * math.tau / _HEADINGS
+        return np.column_stack(((column + 0.5) * _CELL_M, (row + 0.5) * _CELL_M, turn))
+
+    def places(self) -> int:
+        """In how many cells of x and y the rear axle can be."""
+        return int(self._seen.any(axis=2).sum())
+
+    def places_that_fit(self) -> int:
+        """In how many it could be if the car were put down there, with any heading."""
+        fits = np.zeros((*self._seen.shape[:2], _HEADINGS // 3), bool)
+        _kernels.places_that_fit(self._boxes, self._car, self._far_m, _FAR_CELL_M, _CELL_M, fits)
+        return int(fits.any(axis=2).sum())
+
     def _is_free(self, place_m: tuple[float, float], theta: float) -> bool:
         return bool(_kernels.is_free(self._boxes, self._car, self._far_m, _FAR_CELL_M, *place_m, theta))
 
