@@ -8,18 +8,27 @@ import threading
 from collections.abc import Callable
 from importlib.metadata import version
 
-import numpy as np
-from numpy.typing import NDArray
-
 from robot_app import schedule
 from robot_app.config import RobotConfig
-from robot_app.drivers.base import DeviceError, Hardware, ImuSample, PowerSample, RawScan, TemperatureSample
+from robot_app.drivers.base import (
+    Count,
+    DeviceError,
+    DriveSetting,
+    Hardware,
+    ImuSample,
+    PowerSample,
+    RawScan,
+    TemperatureSample,
+)
 from robot_app.mission import Mission
 from robot_app.perception.identity.tracker import ObjectTracker
 from robot_app.perception.object_extractor import ObjectExtractor
 from robot_app.pilot import Pilot
 from robot_app.pilot import warm_up as warm_up_control
+from robot_app.safety.blind_brake import BlindBrake
 from robot_app.safety.guard import Guard
+from robot_app.safety.motion import STANDS_S, Alarm, MotionWatch
+from robot_app.safety.plausible import ImuWatch, ScanWatch
 from robot_app.safety.stall import StallWatch
 from robot_app.sensing.observation import observe
 from robot_app.sensing.odometry import Odometry
@@ -32,6 +41,7 @@ from shared.messages import (
     Hello,
     MissionState,
     ObjectNetwork,
+    Start,
     Stop,
     StopReason,
     Telemetry,
@@ -43,9 +53,10 @@ from shared.runtime.runner import OnFault, Row, Task, TaskHealth
 _log = logging.getLogger(__name__)
 _READ_TIMEOUT_S = 0.015
 _LOCK_TIMEOUT_S = 0.05
-_IMU_REPEATS = 10
 _OBSERVE_S = 0.1
 _RUNNING = {MissionState.OBSERVE, MissionState.COMMAND}
+_GENTLE = {StopReason.NONE, StopReason.COMMAND_SILENCE, StopReason.LOW_BATTERY, StopReason.OVER_TEMPERATURE}
+_CUT = {StopReason.EMERGENCY, StopReason.STALLED, StopReason.TILTED}
 _CONTROL_HUNG_S = 0.25  # without a control tick for so long the motor is cut from another thread
 
 
@@ -84,9 +95,14 @@ class RobotApp:
         self._drive_lock = threading.Lock()
         self._standing_reason = StopReason.NONE
         self._control_s = clock.now_s()
-        self._last_ranges_m: NDArray[np.float32] | None = None
-        self._last_imu: tuple[float, ...] = ()
-        self._imu_repeats = 0
+        self._duty = 0.0  # as it was last set
+        self._blind_brake = BlindBrake()
+        self._knew_speed = self._has_lost_motion = False
+        self._halt_text = ""
+        self._scan_watch, self._imu_watch = ScanWatch(config.safety.min_beams), ImuWatch()
+        self._motion_watch = MotionWatch(
+            config.safety, config.car.track_m, config.odometry.metres_per_tick(config.car.wheel_radius_m)
+        )
         self._is_shut = False
         self._sequence = 0
         self._observed_scan_s = -math.inf
@@ -122,8 +138,8 @@ class RobotApp:
         self._health = health
 
     def on_fault(self, row: Row, error: Exception) -> None:
-        """What can move stops first."""
-        if row.on_fault is OnFault.HALT:
+        """What can move stops first. A car without its odometry is braked by the next control tick."""
+        if row.on_fault is OnFault.HALT and row is not schedule.ODOMETRY:
             self._cut_motor()
 
     def stop_for_good(self) -> None:
@@ -141,28 +157,45 @@ class RobotApp:
     # --- tasks ---
 
     def _read_motion(self) -> None:
+        done = False
+        try:
+            self._read_motion_sensors()
+            done = True
+        finally:
+            self._has_lost_motion = not done
+
+    def _read_motion_sensors(self) -> None:
         count = self._hardware.encoders.read(0.0)
         imu = self._hardware.imu.read(0.0)
-        self._odometry.update(count, imu if imu is not None and self._is_alive(imu) else None)
+        imu = imu if imu is not None and self._imu_watch.is_alive(imu) else None
+        self._odometry.update(count, imu)
+        if self._mission.state in _RUNNING:
+            self._watch_motion(count, imu)
+        else:
+            self._motion_watch.forget()
 
-    def _is_alive(self, imu: ImuSample) -> bool:
-        """One that hangs repeats its last sample; noise does so now and then, but not ten times."""
-        values = (*imu.gyro_radps, *imu.acceleration_mps2)
-        self._imu_repeats = self._imu_repeats + 1 if values == self._last_imu else 0
-        self._last_imu = values
-        return self._imu_repeats < _IMU_REPEATS
+    def _watch_motion(self, count: Count | None, imu: ImuSample | None) -> None:
+        now_s, state = self._clock.now_s(), self._odometry.state
+        alarm = self._motion_watch.update(now_s, count, imu, (state.speed_mps, state.yaw_rate_radps), self._duty)
+        if alarm is not None:
+            self._take_alarm(alarm, now_s)
+
+    def _take_alarm(self, alarm: Alarm, now_s: float) -> None:
+        _log.error("%s", alarm.text)
+        if alarm.ends_mission:
+            self._halt_text = alarm.text
+            self._mission.halt(alarm.reason)
+        else:
+            self._guard.pause(alarm.reason, now_s + STANDS_S)
+        if alarm.reason is StopReason.SENSORS_DISAGREE:
+            self._odometry.doubt_bias()
+        self._cut_motor()
+        self._blind_brake.begin(now_s, alarm.speed_mps)
 
     def _read_scan(self) -> None:
         raw = self._hardware.scanner.read(_READ_TIMEOUT_S)
-        if raw is not None and self._can_see(raw):
+        if raw is not None and self._scan_watch.can_see(raw):
             self._scan.put(thin(raw, self._hardware.scanner.geometry, self._config.scan_filter), raw.stamp_s)
-
-    def _can_see(self, raw: RawScan) -> bool:
-        """A covered scanner sends scans too, and one that hangs may send the same again: noise repeats nothing."""
-        last, self._last_ranges_m = self._last_ranges_m, raw.ranges_m
-        if last is not None and np.array_equal(raw.ranges_m, last, equal_nan=True):
-            return False
-        return int(np.isfinite(raw.ranges_m).sum()) >= self._config.safety.min_beams
 
     def _control(self) -> None:
         now_s = self._clock.now_s()
@@ -177,8 +210,7 @@ class RobotApp:
         reason = self._reason_to_stand(now_s)
         with self._drive_lock:
             if self._must_cut(now_s):
-                self._hardware.drive.stop()
-                self._pilot.cut()
+                self._stop_motor(now_s)
             else:
                 self._drive(now_s, may_move=reason is StopReason.NONE)
 
@@ -187,10 +219,23 @@ class RobotApp:
         if not (math.isfinite(setting.duty) and math.isfinite(setting.steering_rad)):
             raise ValueError(f"the controllers ask for {setting}, which is no setting")
         applied = self._hardware.drive.set(setting)
-        if self._stall.update(now_s, applied.duty, self._odometry.state.speed_mps):
+        self._duty = applied.duty if isinstance(applied, DriveSetting) else 0.0
+        self._knew_speed = True
+        if self._stall.update(now_s, self._duty, self._odometry.state.speed_mps):
             self._mission.halt(StopReason.STALLED)
+            self._stop_motor(now_s)
+
+    def _stop_motor(self, now_s: float) -> None:
+        """Cut, but for the braking where the speed is not known any more."""
+        self._pilot.cut()
+        if self._knew_speed and self._is_blind(now_s):
+            self._blind_brake.begin(now_s, self._odometry.state.speed_mps)
+        self._knew_speed = False
+        self._duty = self._blind_brake.duty(now_s)
+        if self._duty:
+            self._hardware.drive.set(DriveSetting(self._duty, self._pilot.state.steering_rad))
+        else:
             self._hardware.drive.stop()
-            self._pilot.cut()
 
     def _take_commands(self) -> None:
         now_s = self._clock.now_s()
@@ -251,9 +296,14 @@ class RobotApp:
                 distance_m=state.distance_m,
                 late_ticks=sum(h.skipped for h in self._health()),
                 following_goal=pilot.following_goal,
-                faults=tuple(h.fault for h in self._health() if h.fault is not None),
+                faults=self._faults(),
             )
         )
+
+    def _faults(self) -> tuple[str, ...]:
+        tasks = tuple(h.fault for h in self._health() if h.fault is not None)
+        halted = self._mission.state is MissionState.HALTED and self._halt_text
+        return (*tasks, self._halt_text) if halted else tasks
 
     def _read_power(self) -> None:
         power = self._hardware.power.read(_READ_TIMEOUT_S)
@@ -271,6 +321,8 @@ class RobotApp:
 
     def _handle(self, command: Command) -> tuple[bool, str]:
         answer = self._mission.handle(command, self._clock.now_s())
+        if isinstance(command, Start) and answer.accepted:
+            self._halt_text = ""
         if isinstance(command, EmergencyStop):
             self._cut_motor()
         if isinstance(command, Stop | EmergencyStop):
@@ -289,6 +341,8 @@ class RobotApp:
             self._standing_reason = reason
             if self._mission.state in _RUNNING:
                 _log.warning("standing: %s", reason.name if reason is not StopReason.NONE else "may move again")
+            if reason not in _GENTLE:
+                self._pilot.cut()  # what its speed was to be is over: the car brakes as hard as it can
         running = self._mission.state in _RUNNING
         if running and self._guard.silence_s(now_s) > self._config.safety.resume_within_s:
             self._mission.halt(StopReason.COMMAND_SILENCE)
@@ -306,8 +360,11 @@ class RobotApp:
     def _must_cut(self, now_s: float) -> bool:
         """Braking by the speed loop needs the speed: without it, or in an emergency, the motor is cut instead."""
         halted = self._mission.state is MissionState.HALTED
-        at_once = halted and self._mission.stop_reason in {StopReason.EMERGENCY, StopReason.STALLED}
-        return self._is_shut or at_once or self._odometry.age_s(now_s) > schedule.ODOMETRY.max_age_s
+        at_once = halted and self._mission.stop_reason in _CUT
+        return self._is_shut or at_once or self._is_blind(now_s)
+
+    def _is_blind(self, now_s: float) -> bool:
+        return self._has_lost_motion or self._odometry.speed_age_s(now_s) > schedule.ODOMETRY.max_age_s
 
     def _is_news(self, objects_stamp_s: float) -> bool:
         fresh = self._clock.now_s() - objects_stamp_s <= schedule.DEPTH.max_age_s
@@ -318,6 +375,7 @@ class RobotApp:
         waited = self._drive_lock.acquire(timeout=_LOCK_TIMEOUT_S)
         try:
             self._hardware.drive.stop()
+            self._blind_brake.begin(self._clock.now_s(), 0.0)
         finally:
             if waited:
                 self._pilot.cut()

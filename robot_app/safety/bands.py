@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass, field
 
 from robot_app.safety.stall import StallConfig
+from robot_app.safety.tilt import TiltConfig
+from robot_app.safety.wheels import WheelWatchConfig
 
 _LONGEST_SILENCE_S = 5.0
 _LONGEST_ABSENCE_S = 120.0
@@ -49,6 +51,8 @@ class SafetyConfig:
     over_temperature_c: Band = Band(85.0, 75.0)
     low_battery_v: Band = Band(5.6, 6.2)
     stall: StallConfig = field(default_factory=StallConfig)
+    tilt: TiltConfig = field(default_factory=TiltConfig)
+    wheels: WheelWatchConfig = field(default_factory=WheelWatchConfig)
     min_beams: int = 12  # a scan with fewer echoes is that of a covered scanner
     command_silence_s: float = 1.0  # without a word from the station for so long the car stands …
     command_silence_radio_s: float = 2.0  # … and while LoRa alone carries words, which come turn by turn

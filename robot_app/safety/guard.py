@@ -22,6 +22,8 @@ class Guard:
         self._heard_s = self._back_s = now_s
         self._was_silent = True
         self._faults: dict[str, tuple[StopReason, str]] = {}
+        self._pause = StopReason.NONE
+        self._pause_until_s = now_s
         self._lock = threading.Lock()
 
     def heard(self, now_s: float) -> None:
@@ -51,6 +53,10 @@ class Guard:
     def take_battery(self, battery_v: float) -> None:
         self._battery.update(battery_v)
 
+    def pause(self, reason: StopReason, until_s: float) -> None:
+        """The car is to stand for a while, and may then go on."""
+        self._pause, self._pause_until_s = reason, until_s
+
     def fault_began(self, task: str, reason: StopReason, text: str) -> None:
         """A task without which the car must not move has failed."""
         with self._lock:
@@ -76,6 +82,7 @@ class Guard:
             (fault, fault is not StopReason.NONE),
             (StopReason.SENSOR_STALE, scan_age_s > self._scan_max_age_s),
             (StopReason.SENSOR_STALE, odometry_age_s > self._odometry_max_age_s),
+            (self._pause, now_s < self._pause_until_s),
             (StopReason.OVER_TEMPERATURE, self._heat.inside),
             (StopReason.LOW_BATTERY, self._battery.inside),
             (StopReason.COMMAND_SILENCE, not self._is_spoken_to(now_s)),

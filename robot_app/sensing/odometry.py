@@ -30,6 +30,9 @@ class OdometryConfig:
     max_bias_radps: float = 0.35  # LSM9DS1: zero-rate level up to 30 °/s at 500 °/s full scale, less at 245
     history_s: float = 1.0
 
+    def metres_per_tick(self, wheel_radius_m: float) -> float:
+        return math.tau * wheel_radius_m / self.ticks_per_turn * self.distance_scale
+
     def __post_init__(self) -> None:
         if self.ticks_per_turn <= 0 or self.distance_scale <= 0 or self.bias_time_constant_s <= 0:
             raise ValueError("ticks_per_turn, distance_scale and bias_time_constant_s must be positive")

@@ -1,0 +1,65 @@
+"""Watches what the motion sensors say together: tilt, an encoder that has failed, a gyro that has drifted."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from robot_app.drivers.base import Count, EncoderCount, ImuSample
+from robot_app.safety.bands import SafetyConfig
+from robot_app.safety.tilt import TiltWatch
+from robot_app.safety.wheels import WheelFault, WheelWatch
+from shared.messages import StopReason
+
+STANDS_S = 1.5  # after a disagreement: 0.3 s until the car counts as standing, and 1.2 s for the gyro's bias
+_MANY, _WITHIN_S = 3, 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """`ends_mission`: else the car may go on once it has stood for `STANDS_S`. `text` is for the operator."""
+
+    reason: StopReason
+    text: str
+    ends_mission: bool = True
+    speed_mps: float = 0.0  # the last one that is known, where the encoders do not tell it any more
+
+
+class MotionWatch:
+    """Asked only while a mission runs; call `forget` otherwise: whoever carries the robot may turn its wheels."""
+
+    def __init__(self, config: SafetyConfig, track_m: float, metres_per_tick: float) -> None:
+        self._tilt = TiltWatch(config.tilt)
+        self._wheels = WheelWatch(config.wheels, track_m, metres_per_tick)
+        self._apart_s: deque[float] = deque(maxlen=_MANY)
+        self._rests_until_s = -math.inf
+
+    def forget(self) -> None:
+        self._wheels.forget()
+        self._apart_s.clear()
+
+    def update(
+        self, now_s: float, count: Count | None, imu: ImuSample | None, motion: tuple[float, float], duty: float
+    ) -> Alarm | None:
+        """`motion`: forward speed and yaw rate by the odometry; `duty` as it was last set."""
+        if imu is not None and self._tilt.update(imu):
+            return Alarm(StopReason.TILTED, "the robot is tilted")
+        speed_mps, yaw_rate_radps = motion
+        if not isinstance(count, EncoderCount):
+            return None
+        fault = self._wheels.update(count, yaw_rate_radps, speed_mps, duty)
+        if fault is None or now_s < self._rests_until_s:
+            return None
+        self._wheels.forget()
+        return self._wheel_alarm(fault, now_s)
+
+    def _wheel_alarm(self, fault: WheelFault, now_s: float) -> Alarm:
+        if fault is WheelFault.SILENT:
+            return Alarm(StopReason.STALLED, fault.value, speed_mps=self._wheels.speed_before_mps)
+        if fault is not WheelFault.TURNING:
+            return Alarm(StopReason.ENCODER_FAULT, fault.value)
+        self._apart_s.append(now_s)
+        self._rests_until_s = now_s + STANDS_S
+        again = len(self._apart_s) == _MANY and now_s - self._apart_s[0] < _WITHIN_S
+        return Alarm(StopReason.SENSORS_DISAGREE, fault.value, ends_mission=again)

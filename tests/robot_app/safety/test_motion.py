@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from robot_app.drivers.base import EncoderCount, ImuSample
+from robot_app.safety.bands import SafetyConfig
+from robot_app.safety.blind_brake import BlindBrake
+from robot_app.safety.motion import STANDS_S, Alarm, MotionWatch
+from robot_app.safety.tilt import TiltConfig, TiltWatch
+from shared.messages import StopReason
+
+TICK_M = 0.00314
+
+
+def imu(stamp_s: float, tilt_rad: float) -> ImuSample:
+    return ImuSample(stamp_s, (0.0, 0.0, 0.0), (0.0, 9.81 * math.sin(tilt_rad), 9.81 * math.cos(tilt_rad)))
+
+
+@pytest.fixture
+def watch() -> MotionWatch:
+    return MotionWatch(SafetyConfig(), 0.17, TICK_M)
+
+
+def alarms(watch: MotionWatch, start_s: float, seconds: float, gyro_radps: float) -> list[Alarm]:
+    """Straight on at 0.2 m/s, while the gyro says `gyro_radps`."""
+    found = []
+    for i in range(round(start_s * 100), round((start_s + seconds) * 100)):
+        ticks = int(0.002 * i / TICK_M)
+        alarm = watch.update(i / 100, EncoderCount(i / 100, ticks, ticks), None, (0.2, gyro_radps), 0.3)
+        found += [alarm] if alarm is not None else []
+    return found
+
+
+def test_a_robot_on_its_side_is_noticed_in_a_tenth_of_a_second(watch: MotionWatch) -> None:
+    assert watch.update(0.0, None, imu(0.0, 0.0), (0.2, 0.0), 0.3) is None
+    seen = [watch.update(i / 100, None, imu(i / 100, math.pi / 2), (0.2, 0.0), 0.3) for i in range(1, 11)]
+    assert seen[-1] is not None
+    assert seen[-1].reason is StopReason.TILTED
+
+
+def test_a_bump_and_hard_braking_are_no_tilt() -> None:
+    tilt = TiltWatch(TiltConfig())
+    assert not any(tilt.update(ImuSample(i / 100, (0, 0, 0), (-2.5, 0.0, 9.81))) for i in range(100))
+    assert not tilt.update(ImuSample(1.0, (0, 0, 0), (20.0, 0.0, 9.81)))
+
+
+def test_a_gyro_that_drifts_costs_a_rest_and_one_that_goes_on_ends_the_mission(watch: MotionWatch) -> None:
+    first = alarms(watch, 0.0, 1.0, 0.5)
+    assert [(a.reason, a.ends_mission) for a in first] == [(StopReason.SENSORS_DISAGREE, False)]
+    assert alarms(watch, 1.0, STANDS_S - 1.0, 0.0) == []
+    again = alarms(watch, STANDS_S, 2 * STANDS_S + 1.0, 0.5)
+    assert again[-1].ends_mission
+
+
+def test_what_was_long_ago_does_not_end_a_mission(watch: MotionWatch) -> None:
+    for start_s in (0.0, 20.0, 40.0, 60.0):
+        assert [a.ends_mission for a in alarms(watch, start_s, 1.0, 0.5)] == [False]
+
+
+def test_encoders_that_fall_silent_tell_the_last_speed(watch: MotionWatch) -> None:
+    alarm = None
+    for i in range(12):
+        alarm = alarm or watch.update(i / 100, EncoderCount(i / 100, 0, 0), None, (0.2, 0.0), 0.3)
+    assert alarm is not None
+    assert (alarm.reason, alarm.speed_mps) == (StopReason.STALLED, 0.2)
+
+
+@pytest.mark.parametrize("stops_with_s", [0.05, 0.087, 0.12])
+def test_a_blind_brake_takes_most_of_the_speed_and_sends_the_car_back_by_a_centimetre_at_most(
+    stops_with_s: float,
+) -> None:
+    brake, speed_mps, step_s, back_m = BlindBrake(), 0.46, 0.001, 0.0
+    brake.begin(0.0, speed_mps)
+    for i in range(250):
+        duty = brake.duty(step_s * (i // 20 * 20))  # the control's 50 Hz
+        speed_mps += (0.7 * duty - speed_mps) / stops_with_s * step_s
+        back_m -= min(0.0, speed_mps) * step_s
+    assert back_m < 0.012
+    assert abs(speed_mps) < 0.03
+    assert brake.duty(0.3) == 0.0

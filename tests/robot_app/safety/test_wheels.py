@@ -1,0 +1,77 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from robot_app.drivers.base import EncoderCount
+from robot_app.safety.wheels import WheelFault, WheelWatch, WheelWatchConfig
+
+TRACK_M, TICK_M = 0.17, 0.00314
+
+
+@pytest.fixture
+def watch() -> WheelWatch:
+    return WheelWatch(WheelWatchConfig(), TRACK_M, TICK_M)
+
+
+def counts(
+    seconds: float, left_mps: float, right_mps: float, start: tuple[float, float] = (0.0, 0.0)
+) -> Iterator[EncoderCount]:
+    for i in range(round(seconds * 100)):
+        left, right = (int((s + v * i / 100) / TICK_M) for s, v in zip(start, (left_mps, right_mps), strict=True))
+        yield EncoderCount(i / 100, left, right)
+
+
+def first_fault(watch: WheelWatch, run: Iterator[EncoderCount], yaw_rate: float) -> tuple[float, WheelFault] | None:
+    for count in run:
+        fault = watch.update(count, yaw_rate, 0.2, 0.4)
+        if fault is not None:
+            return count.stamp_s, fault
+    return None
+
+
+@pytest.mark.parametrize(
+    ("left_mps", "right_mps", "fault"),
+    [(0.0, 0.2, WheelFault.LEFT), (0.2, 0.0, WheelFault.RIGHT), (0.0, -0.2, WheelFault.LEFT)],
+)
+def test_an_encoder_that_does_not_count_is_named_within_25_mm(
+    watch: WheelWatch, left_mps: float, right_mps: float, fault: WheelFault
+) -> None:
+    found = first_fault(watch, counts(1.0, left_mps, right_mps), 0.0)
+    assert found is not None
+    assert found[0] <= 0.14
+    assert found[1] is fault
+
+
+def test_both_that_fall_silent_while_the_motor_pushes_are_noticed_within_a_tenth_of_a_second(watch: WheelWatch) -> None:
+    found = first_fault(watch, counts(1.0, 0.0, 0.0), 0.0)
+    assert found is not None
+    assert found[0] <= 0.10
+    assert found[1] is WheelFault.SILENT
+    assert watch.speed_before_mps == 0.2
+
+
+@pytest.mark.parametrize("duty", [0.0, 0.1, -0.4])
+def test_wheels_that_are_not_pushed_may_stand(watch: WheelWatch, duty: float) -> None:
+    assert not any(watch.update(count, 0.0, 0.2, duty) for count in counts(1.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("yaw_rate", [-0.48, 0.0, 0.48])  # the tightest turn at 0.23 m/s
+def test_a_car_that_turns_as_its_gyro_says_is_believed(watch: WheelWatch, yaw_rate: float) -> None:
+    half = yaw_rate * TRACK_M / 2
+    assert first_fault(watch, counts(20.0, 0.2 - half, 0.2 + half), yaw_rate) is None
+
+
+def test_wheels_that_slip_by_as_much_as_they_may_are_believed(watch: WheelWatch) -> None:
+    assert first_fault(watch, counts(20.0, 0.2, 0.203), 0.0) is None
+
+
+@pytest.mark.parametrize(("step_radps", "within_s"), [(0.2, 1.5), (0.5, 0.4), (-0.5, 0.4)])
+def test_a_gyro_whose_bias_jumps_is_noticed_the_sooner_the_further(
+    watch: WheelWatch, step_radps: float, within_s: float
+) -> None:
+    found = first_fault(watch, counts(5.0, 0.2, 0.2), step_radps)
+    assert found is not None
+    assert found[0] <= within_s
+    assert found[1] is WheelFault.TURNING
