@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from robot_app.drivers.base import DeviceError, DriveSetting, Setting
 from robot_app.drivers.config import DriveConfig
 from robot_app.drivers.gpio import GpioOutputs
+from robot_app.drivers.guardian.guardian import Guardian
 from robot_app.drivers.sysfs_pwm import SysfsPwm
 from shared.geometry.ackermann import CarGeometry
 from shared.runtime.clock import Clock
@@ -20,8 +21,8 @@ _SERVO_PERIOD_NS = 20_000_000  # 50 Hz
 class AckermannDrive:
     """Opens with the motor cut and the wheels straight.
 
-    The kernel's PWM goes on when the process is killed: `stop` cannot run then, and the motor must be cut by
-    whoever has started the app, for instance in `ExecStopPost=` of its unit.
+    The kernel's PWM goes on when the process is killed or hangs: `stop` cannot run then, and the guardian cuts the
+    motor. A setting therefore holds for 0.15 s.
     """
 
     def __init__(self, config: DriveConfig, car: CarGeometry, clock: Clock) -> None:
@@ -39,6 +40,8 @@ class AckermannDrive:
             lines = (config.forward_line, config.reverse_line)
             self._direction = GpioOutputs("drive direction", config.gpio_chip, lines)
             opened.callback(self._direction.close)
+            self._guardian = Guardian([self._motor.duty_file])
+            opened.callback(self._guardian.close)
             self._steer(0.0)
             self._devices = opened.pop_all()
 
@@ -48,6 +51,7 @@ class AckermannDrive:
             raise DeviceError("drive: is closed")
         if not (isinstance(setting, DriveSetting) and setting.is_finite):
             raise DeviceError(f"drive: cannot apply {setting}")
+        self._guardian.alive()
         steering_rad = self._steer(setting.steering_rad)
         limit = self._config.max_duty
         duty = max(-limit, min(limit, setting.duty))

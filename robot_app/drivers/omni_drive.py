@@ -10,6 +10,7 @@ from functools import partial
 from robot_app.drivers.base import DeviceError, OmniSetting, Setting
 from robot_app.drivers.config import OmniWheelsConfig
 from robot_app.drivers.gpio import GpioOutputs
+from robot_app.drivers.guardian.guardian import Guardian
 from robot_app.drivers.sysfs_pwm import SysfsPwm
 from shared.runtime.clock import Clock
 
@@ -20,7 +21,7 @@ _NAMES = ("front right", "front left", "back")
 class OmniDrive:
     """Opens with the motors cut. The loop on the encoders is closed by whoever sets the duties.
 
-    Like the car's, its PWM goes on when the process is killed, and must be cut by whoever has started the app.
+    As with the car, a guardian cuts the motors when the process is killed or hangs.
     """
 
     def __init__(self, config: OmniWheelsConfig, clock: Clock) -> None:
@@ -37,6 +38,8 @@ class OmniDrive:
             lines = tuple(line for wheel in config.wheels for line in (wheel.forward_line, wheel.reverse_line))
             self._direction = GpioOutputs("drive direction", config.gpio_chip, lines)
             opened.callback(self._direction.close)
+            self._guardian = Guardian([motor.duty_file for motor in self._motors])
+            opened.callback(self._guardian.close)
             self._devices = opened.pop_all()
 
     def set(self, setting: Setting) -> OmniSetting:
@@ -45,6 +48,7 @@ class OmniDrive:
             raise DeviceError("drive: is closed")
         if not (isinstance(setting, OmniSetting) and setting.is_finite):
             raise DeviceError(f"drive: cannot apply {setting}")
+        self._guardian.alive()
         limit = self._config.max_duty
         right, left, back = (max(-limit, min(limit, duty)) for duty in setting.duties)
         applied = OmniSetting((right, left, back))

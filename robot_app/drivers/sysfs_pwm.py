@@ -37,6 +37,10 @@ class SysfsPwm:
     def name(self) -> str:
         return self._name
 
+    @property
+    def duty_file(self) -> Path:
+        return self._folder / "duty_cycle"
+
     def set_pulse_ns(self, pulse_ns: int) -> None:
         """The time of a period for which the output is high."""
         if self._duty_fd is None:
@@ -61,12 +65,12 @@ class SysfsPwm:
         if not self._folder.is_dir():
             (self._chip / "export").write_text(f"{self._channel}\n", "ascii")
         never, due_s = threading.Event(), clock.now_s() + _APPEARS_WITHIN_S
-        while not os.access(self._folder / "duty_cycle", os.W_OK) and clock.now_s() < due_s:
+        while not os.access(self.duty_file, os.W_OK) and clock.now_s() < due_s:
             clock.wait(never, clock.now_s() + _POLL_S)
 
     def _set_up(self) -> None:
         """The kernel refuses a period below the pulse, and a pulse of a channel without a period."""
-        self._duty_fd = os.open(self._folder / "duty_cycle", os.O_WRONLY)
+        self._duty_fd = os.open(self.duty_file, os.O_WRONLY)
         with contextlib.suppress(OSError):  # a new channel has no period yet, and no pulse either
             os.pwrite(self._duty_fd, b"0\n", 0)
         self._write("period", self._period_ns)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tools.simulator.devices.gpio import GpioChip
 from tools.simulator.devices.robot import EmulatedRobot
 
 
@@ -17,3 +18,18 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[EmulatedR
         monkeypatch.setitem(sys.modules, name, library)
     yield emulated
     emulated.close()
+
+
+@pytest.fixture
+def gpio(monkeypatch: pytest.MonkeyPatch) -> GpioChip:
+    """GPIO lines under the name of gpiod."""
+    chip = GpioChip()
+    library = chip.library()
+    monkeypatch.setitem(sys.modules, "gpiod", library)
+    monkeypatch.setitem(sys.modules, "gpiod.line", library.line)
+    return chip
+
+
+@pytest.fixture(autouse=True)
+def _a_slow_test_is_no_app_that_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("robot_app.drivers.guardian.guardian.SILENCE_S", 60.0)

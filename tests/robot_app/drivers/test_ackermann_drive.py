@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,8 +30,10 @@ def config(pwm: PwmFolder) -> DriveConfig:
 
 
 @pytest.fixture
-def drive(config: DriveConfig, car: CarGeometry, gpio: GpioChip) -> AckermannDrive:
-    return AckermannDrive(config, car, ManualClock())
+def drive(config: DriveConfig, car: CarGeometry, gpio: GpioChip) -> Iterator[AckermannDrive]:
+    drive = AckermannDrive(config, car, ManualClock())
+    yield drive
+    drive.close()
 
 
 def lines(gpio: GpioChip) -> tuple[int, int]:
@@ -54,12 +58,12 @@ def test_forward_left_and_backward_right(drive: AckermannDrive, pwm: PwmFolder, 
 
 
 def test_limits_are_applied_and_returned(config: DriveConfig, car: CarGeometry, gpio: GpioChip, pwm: PwmFolder) -> None:
-    drive = AckermannDrive(replace(config, max_duty=0.6, servo_trim_us=100.0), car, ManualClock())
-    applied = drive.set(DriveSetting(3.0, 2.0))
-    assert applied.duty == 0.6
-    assert applied.steering_rad == pytest.approx(300 / 640)  # the linkage ends before the car's steering does
-    assert pwm.pulse_us(SERVO) == 1900
-    assert drive.set(DriveSetting(-3.0, -2.0)) == DriveSetting(-0.6, -0.5)
+    with closing(AckermannDrive(replace(config, max_duty=0.6, servo_trim_us=100.0), car, ManualClock())) as drive:
+        applied = drive.set(DriveSetting(3.0, 2.0))
+        assert applied.duty == 0.6
+        assert applied.steering_rad == pytest.approx(300 / 640)  # the linkage ends before the car's steering does
+        assert pwm.pulse_us(SERVO) == 1900
+        assert drive.set(DriveSetting(-3.0, -2.0)) == DriveSetting(-0.6, -0.5)
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -87,8 +91,9 @@ def test_the_bridge_turns_round_without_current(
 
 
 def test_a_reversed_motor_is_wired_the_other_way(config: DriveConfig, car: CarGeometry, gpio: GpioChip) -> None:
-    AckermannDrive(replace(config, motor_reversed=True), car, ManualClock()).set(DriveSetting(0.5, 0.0))
-    assert lines(gpio) == (0, 1)
+    with closing(AckermannDrive(replace(config, motor_reversed=True), car, ManualClock())) as drive:
+        drive.set(DriveSetting(0.5, 0.0))
+        assert lines(gpio) == (0, 1)
 
 
 def test_stopping_cuts_both_inputs_of_the_bridge(drive: AckermannDrive, pwm: PwmFolder, gpio: GpioChip) -> None:
