@@ -49,8 +49,11 @@ class FusionConfig:
     longest_m: float = 2.5  # a longer level edge is kept in pieces
     views: int = 40  # of an edge that are kept, the best; bounds time and memory
     # Of the upright edges seen in a simulated flat 1 % of those nearer than 2 m, 4 % at 2 to 2.5 m and 20 % of the
-    # farther ones are no corner of anything: there the camera's measurement ends, in the middle of a surface.
-    sure_m: float = 2.5  # of depth: farther upright edges begin nothing and are no evidence
+    # farther ones are no corner of anything: there the camera's measurement ends, in the middle of a surface. Of the
+    # level ones on three maps 21 % had nothing true within 4 cm, but 70 % of those only seen from farther than 2.5 m;
+    # after 15 such views it was 37 %, as after three from near.
+    sure_m: float = 2.5  # of depth: farther upright edges begin nothing and are no evidence,
+    far_level: float = 0.4  # and farther level ones count for so much of a view
     noise_m: float = 0.008  # of an edge seen from near: pose and extraction …
     noise_per_m: float = 0.004  # … and for each metre of distance
     hit_log_odds: float = 0.85  # seen …
@@ -88,6 +91,9 @@ class ReferenceConfig:
     lines_a_cluster: int = 8  # fronts that stand close behind one another
     same_m: float = 0.03  # in step 4: cells so near a line are its own
     most_m: float = 0.03  # a line farther away is of another surface
+    # In step 5: of the line's place against the edge's own. On nine maps 0.3 to 0.5 gave errors 5 to 20 % below those
+    # of 1, which is the paper's, and below those of 0.
+    line_weight: float = 0.5
 
 
 @dataclass(frozen=True, slots=True)

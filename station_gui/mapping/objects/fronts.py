@@ -214,18 +214,25 @@ class _Line:
 
     def fronts(self, join_m: float) -> list[_Front]:
         """From one end to the other; neighbours of the same height are one."""
-        cuts = self._cuts(join_m)
+        bounds = self._bounds(2 * join_m)
+        cuts = self._cuts(bounds, join_m)
         found: list[_Front] = []
         for low, high in itertools.pairwise(cuts):
             if high - low < _SHORTEST_M:
                 continue
-            front = self._front(low, high, join_m)
+            front = self._front(low, high, bounds, join_m)
             if found and _continues(found[-1], front):
                 front = _together(found.pop(), front)
             found.append(front)
         return found
 
-    def _front(self, low: float, high: float, join_m: float) -> _Front:
+    def _bounds(self, reach_m: float) -> tuple[float, float]:
+        """A front goes as far as its cells do, or as a level edge over it: each was seen so far at least."""
+        lows = [rail.low_m for rail in self.rails if -reach_m <= rail.low_m < 0.0]
+        highs = [rail.high_m for rail in self.rails if self.length_m < rail.high_m <= self.length_m + reach_m]
+        return min([0.0, *lows]), max([self.length_m, *highs])
+
+    def _front(self, low: float, high: float, bounds: tuple[float, float], join_m: float) -> _Front:
         middle = (low + high) / 2
         over = [rail for rail in self.rails if rail.low_m <= middle <= rail.high_m]
         left = [post for post in self.posts if abs(post.at_m - low) <= join_m]
@@ -235,8 +242,8 @@ class _Line:
             height_m = max(rail.height_m for rail in over)
             tops = [rail for rail in over if rail.height_m > height_m - _LEVEL_M]
             corners = (
-                low <= join_m and any(abs(rail.low_m - low) <= 2 * join_m for rail in tops),
-                high >= self.length_m - join_m and any(abs(rail.high_m - high) <= 2 * join_m for rail in tops),
+                low <= bounds[0] + join_m and any(abs(rail.low_m - low) <= 2 * join_m for rail in tops),
+                high >= bounds[1] - join_m and any(abs(rail.high_m - high) <= 2 * join_m for rail in tops),
             )
         elif any(post.stands for post in left) and any(post.stands for post in right):
             height_m = min(max(post.top_m for post in side) for side in (left, right))
@@ -249,11 +256,11 @@ class _Line:
             corners,
         )
 
-    def _cuts(self, join_m: float) -> list[float]:
+    def _cuts(self, bounds: tuple[float, float], join_m: float) -> list[float]:
         """Where the line is cut: at upright edges, at its ends and at the ends of level edges; the first ones count."""
         wanted = [post.at_m for post in self.posts]
-        wanted += [0.0, self.length_m]
-        wanted += [end for rail in self.rails for end in (rail.low_m, rail.high_m) if 0.0 < end < self.length_m]
+        wanted += bounds
+        wanted += [end for rail in self.rails for end in (rail.low_m, rail.high_m) if bounds[0] < end < bounds[1]]
         cuts: list[float] = []
         for at in wanted:
             if all(abs(at - other) > join_m / 2 for other in cuts):

@@ -19,14 +19,15 @@ class Pieces:
 
     `ends_m`: (N, 2, 3); upright ones go from below to above. `upright`: (N,) uint8. `weight`: (N,), one over the
     variance across. `cut`: (N, 2), 1 for an end where the image ends, not the edge.
-    `sure`: (N,), seen from so near that it is a surface's end, not the end of what the camera can measure.
+    `evidence`: (N,), 1 where it was seen from so near that it is a surface's end; from afar it may only be the end of
+    what the camera can measure, and counts for less or, with 0, for nothing.
     """
 
     ends_m: FloatArray
     upright: NDArray[np.uint8]
     weight: FloatArray
     cut: FloatArray
-    sure: NDArray[np.bool_]
+    evidence: FloatArray
 
 
 def pieces_of(objects: ObjectNetwork, config: FusionConfig, camera: CameraView) -> Pieces:
@@ -43,8 +44,9 @@ def pieces_of(objects: ObjectNetwork, config: FusionConfig, camera: CameraView) 
     ends_m[swap] = ends_m[swap, ::-1]
     away_m = np.linalg.norm(ends_m.mean(axis=1), axis=1)
     deviation_m = config.noise_m + config.noise_per_m * away_m
-    sure = ~upright | (ends_m[:, :, 0].mean(axis=1) - camera.x_m <= config.sure_m)
-    return Pieces(ends_m, upright.astype(np.uint8), deviation_m**-2, _cut(ends_m, camera), sure)
+    far = ends_m[:, :, 0].mean(axis=1) - camera.x_m > config.sure_m
+    evidence = np.where(far, np.where(upright, 0.0, config.far_level), 1.0)
+    return Pieces(ends_m, upright.astype(np.uint8), deviation_m**-2, _cut(ends_m, camera), evidence)
 
 
 def _cut(ends_m: FloatArray, camera: CameraView) -> FloatArray:

@@ -31,14 +31,17 @@ def joined_owners(nodes_m: FloatArray, lines_m: FloatArray, config: ReferenceCon
 
 
 def aligned(edges: Edges, lines_m: FloatArray, config: ReferenceConfig) -> Edges:
-    """Step 5: every edge is turned and moved onto its line (eqs 34 and 35); an upright one onto its corner."""
+    """Step 5: every edge is turned and moved towards its line (eqs 34 and 35), an upright one towards its corner.
+
+    The line and the edge itself are two measurements of one place: the mean of both is better than either.
+    """
     if len(lines_m) == 0 or len(edges.ends_m) == 0:
         return edges
     ends_m = edges.ends_m.copy()
     level = ~edges.upright
     ends_m[level, :, :2] = _on_lines(ends_m[level, :, :2], lines_m, config)
     ends_m[edges.upright, :, :2] = _on_corners(ends_m[edges.upright, 0, :2], lines_m, config)[:, None]
-    return replace(edges, ends_m=ends_m)
+    return replace(edges, ends_m=edges.ends_m + config.line_weight * (ends_m - edges.ends_m))
 
 
 def _on_lines(ends_m: FloatArray, lines_m: FloatArray, config: ReferenceConfig) -> FloatArray:

@@ -28,7 +28,7 @@ _UNSEEN, _THROUGH = 1, 2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edges:
-    """`ends_m`: (N, 2, 3), map frame; `upright`: (N,) bool; `views`: (N,) how often each was seen."""
+    """`ends_m`: (N, 2, 3), map frame; `upright`: (N,) bool; `views`: (N,) how often each was seen, in whole views."""
 
     ends_m: FloatArray
     upright: NDArray[np.bool_]
@@ -61,7 +61,7 @@ class FusedEdges:
         self._ends_m = np.zeros((_FIRST_ROOM, 2, 3))
         self._upright = np.zeros(_FIRST_ROOM, np.uint8)
         self._log_odds = np.zeros(_FIRST_ROOM)
-        self._hits = np.zeros(_FIRST_ROOM, np.int64)
+        self._hits = np.zeros(_FIRST_ROOM)  # views, those from afar for a part
         self._views = np.zeros(_FIRST_ROOM, np.int64)
         self._revision = np.zeros(_FIRST_ROOM, np.int64)  # of the poses that an edge was placed by
         self._settled = 0  # the revision that all were placed by
@@ -79,32 +79,28 @@ class FusedEdges:
         count = self._count
         believed = self._log_odds[:count] >= self._config.shown_log_odds
         picked = np.flatnonzero(believed & (self._hits[:count] >= self._config.shown_views))
-        return Edges(self._ends_m[picked], self._upright[picked] == 1, self._hits[picked])
+        return Edges(self._ends_m[picked], self._upright[picked] == 1, self._hits[picked].astype(np.int64))
 
     def look(self, scan: int, map_from_robot: Pose2, pieces: Pieces, observation: Observation, *, keep: bool) -> None:
         """Take what was seen from one place; `keep`: from a new one, otherwise it only counts as evidence."""
         pose = map_from_robot.as_array()
         placed_m = map_from_robot.apply_3d(pieces.ends_m.reshape(-1, 3)).reshape(-1, 2, 3)
-        hit: set[int] = set()
-        sure: set[int] = set()
-        for k in range(len(placed_m)):
+        hit: dict[int, float] = {}
+        for k, evidence in enumerate(pieces.evidence.tolist()):
             index = self._match(placed_m[k], int(pieces.upright[k]), but=-1)
-            if index < 0 and keep and pieces.sure[k]:
+            if index < 0 and keep and evidence > 0:
                 index = self._begin(int(pieces.upright[k]))
             if index >= 0:
-                hit.add(index)
-                if pieces.sure[k]:
-                    sure.add(index)
+                hit[index] = max(hit.get(index, 0.0), evidence)
                 if keep:
                     self._take(index, scan, placed_m[k], pieces, k)
         touched = sorted(hit)
-        for index in sorted(sure):
-            self._log_odds[index] = min(self._log_odds[index] + self._config.hit_log_odds, self._config.most_log_odds)
-            self._hits[index] += keep
+        for index in touched:
+            self._count_hit(index, hit[index], keep=keep)
         if keep:
             for index in touched:
                 self._fuse(index)
-        self._count_misses(pose, observation, hit)
+        self._count_misses(pose, observation, touched)
         for index in reversed(touched):
             self._join(index)
         self._forget()
@@ -188,7 +184,12 @@ class FusedEdges:
         else:
             _kernels.fuse_level(*args, c.gap_m, self._work, self._ends_m[index])
 
-    def _count_misses(self, pose: FloatArray, observation: Observation, hit: set[int]) -> None:
+    def _count_hit(self, index: int, evidence: float, *, keep: bool) -> None:
+        gain = evidence * self._config.hit_log_odds
+        self._log_odds[index] = min(self._log_odds[index] + gain, self._config.most_log_odds)
+        self._hits[index] += keep * evidence
+
+    def _count_misses(self, pose: FloatArray, observation: Observation, hit: list[int]) -> None:
         count, geometry, config = self._count, observation.geometry, self._config
         verdict = np.zeros(count, np.uint8)
         _kernels.judge(
@@ -196,7 +197,7 @@ class FusedEdges:
             observation.ranges_m.astype(np.float64), geometry.first_angle_rad, geometry.step_rad,
             self._camera.scanner_z_m, verdict,
         )  # fmt: skip
-        verdict[list(hit)] = 0
+        verdict[hit] = 0
         self._log_odds[:count] += config.miss_log_odds * (verdict == _UNSEEN)
         self._log_odds[:count] += config.through_log_odds * (verdict == _THROUGH)
 

@@ -9,7 +9,9 @@ import pytest
 from shared.geometry.se2 import Pose2
 from shared.messages import ObjectNetwork, Observation, ScanGeometry
 from station_gui.mapping.objects.combine import ObjectCombiner
-from station_gui.mapping.objects.config import CombineConfig
+from station_gui.mapping.objects.config import CombineConfig, ReferenceConfig
+from station_gui.mapping.objects.fusing.fused_edges import Edges
+from station_gui.mapping.objects.reference import aligned
 from station_gui.mapping.slam2d.base import Slam
 from station_gui.mapping.snapshot import GridMap, ObjectKind, ObjectMap
 
@@ -199,3 +201,12 @@ def test_an_upright_edge_that_was_seen_from_far_alone_is_not_believed() -> None:
         pose = Pose2(0.06 * k + 0.6, 0, 0)
         rig.see(pose, seen_from(pose, post))
     assert len(rig.map().segments_m) == 1
+
+
+def test_an_edge_comes_to_the_mean_of_its_own_place_and_its_lines() -> None:
+    ends_m = np.array([[[0.2, 0.02, 0.5], [0.8, 0.02, 0.5]], [[0.0, 0.02, 0.0], [0.0, 0.02, 0.5]]])
+    edges = Edges(ends_m, np.array([False, True]), np.full(2, 9))
+    line_m = np.array([[[0.0, 0.0], [1.0, 0.0]]])
+    moved = aligned(edges, line_m, ReferenceConfig(line_weight=0.5))
+    np.testing.assert_allclose(moved.ends_m[:, :, 1], 0.01, atol=1e-12)
+    np.testing.assert_array_equal(moved.ends_m[:, :, [0, 2]], ends_m[:, :, [0, 2]])

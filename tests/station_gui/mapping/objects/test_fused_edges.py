@@ -93,9 +93,10 @@ def test_what_is_not_finite_is_no_piece() -> None:
     assert len(pieces_of(network, FusionConfig(), CAMERA).ends_m) == 0
 
 
-def test_an_upright_edge_is_sure_from_near_and_a_level_one_always() -> None:
-    nodes = np.array([[2.7, 0, 0], [2.7, 0, 0.5], [2.9, 0, 0], [2.9, 0, 0.5], [2.9, 0.6, 0.5]], np.float32)
-    network = ObjectNetwork(nodes, np.array([[0, 1], [2, 3], [3, 4]], np.uint16))
-    pieces = pieces_of(network, FusionConfig(), CAMERA)
-    assert pieces.upright.tolist() == [1, 1, 0]
-    assert pieces.sure.tolist() == [True, False, True]
+def test_from_afar_an_upright_edge_is_no_evidence_and_a_level_one_less_than_from_near() -> None:
+    nodes = np.array([[2.7, 0, 0], [2.7, 0, 0.5], [2.9, 0, 0], [2.9, 0, 0.5], [2.9, 0.6, 0.5], [1, 0, 0.5]], np.float32)
+    network = ObjectNetwork(nodes, np.array([[0, 1], [2, 3], [3, 4], [1, 5]], np.uint16))
+    config = FusionConfig(far_level=0.4)
+    pieces = pieces_of(network, config, CAMERA)
+    assert pieces.upright.tolist() == [1, 1, 0, 0]
+    assert pieces.evidence.tolist() == [1.0, 0.0, 0.4, 1.0]

@@ -76,6 +76,12 @@ def test_boxes_of_other_heights_that_stand_side_by_side_are_two_objects() -> Non
     assert len(set(made.panels.cluster.tolist())) == 2
 
 
+def test_a_front_goes_on_to_where_the_level_edge_over_it_ends() -> None:
+    made = build(edges_of([[0, 0, 0, 0.6]], [[0, 0, 1.0, 0, 0.6]]), cells_along((0, 0, 0.9, 0)))
+    upright_m = made.segments_m[np.ptp(made.segments_m[:, :, 2], axis=1) > 0.5]
+    assert sorted(upright_m[:, 0, 0].tolist()) == pytest.approx([0.0, 1.0], abs=0.01)
+
+
 def test_walls_that_no_camera_saw_are_flat() -> None:
     made = build(edges_of([], []), cells_along((0, 0, 3.0, 0), (0, 0.1, 0, 2.0)))
     assert set(made.panels.kind.tolist()) == {ObjectKind.FLAT}
