@@ -127,6 +127,7 @@ class RobotApp:
             (schedule.COMMANDS, self._take_commands),
             (schedule.DEPTH, self._read_depth),
             (schedule.OBSERVE, self._observe),
+            (schedule.EXPLORE, self._explore),
             (schedule.TELEMETRY, self._report),
             (schedule.POWER, self._read_power),
             (schedule.TEMPERATURE, self._read_temperature),
@@ -276,6 +277,9 @@ class RobotApp:
             self._sequence += 1
             if objects is not None:
                 self._sent_objects_s = objects.stamp_s
+
+    def _explore(self) -> None:
+        self._pilot.explore(self._clock.now_s())
 
     def _report(self) -> None:
         state, pilot, now_s = self._odometry.state, self._pilot.state, self._clock.now_s()

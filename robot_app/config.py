@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from robot_app.control.explorer import ExplorerConfig
 from robot_app.control.obstacle_avoidance import AvoidanceConfig
 from robot_app.control.obstacle_memory import ObstacleMemoryConfig
 from robot_app.control.path_follower import PathFollowerConfig
+from robot_app.control.round_watch import RoundConfig
 from robot_app.control.seen_ground import SeenGroundConfig
 from robot_app.control.speed import SpeedConfig
 from robot_app.control.wall_follower import WallFollowerConfig
@@ -44,6 +46,8 @@ class ControlConfig:
     ground: SeenGroundConfig = field(default_factory=SeenGroundConfig)
     wall: WallFollowerConfig = field(default_factory=WallFollowerConfig)
     path: PathFollowerConfig = field(default_factory=PathFollowerConfig)
+    round: RoundConfig = field(default_factory=RoundConfig)
+    explorer: ExplorerConfig = field(default_factory=ExplorerConfig)
     avoidance: AvoidanceConfig = field(default_factory=AvoidanceConfig)
     speed: SpeedConfig = field(default_factory=SpeedConfig)
 

@@ -37,6 +37,7 @@ class MissionConfig:
 class Behaviour(Enum):
     STAND = "stand"
     FOLLOW_WALL = "follow wall"
+    EXPLORE = "explore"
     FOLLOW_PATH = "follow path"
     BY_HAND = "by hand"
 
@@ -63,6 +64,7 @@ class Mission:
 
     def __init__(self, config: MissionConfig) -> None:
         self.slow_link = False  # LoRa alone carries the commands
+        self.explores = False  # whether the pilot looks for what a round of the room has not shown
         self._config = config
         self._lock = threading.RLock()
         self._state = MissionState.IDLE
@@ -71,6 +73,7 @@ class Mission:
         self._drive: tuple[Motion, float] | None = None
         self._began_m: float | None = None  # where the observation began, in metres driven
         self._round_m: float | None = None  # where it came round
+        self._is_round_over = False  # the rest of the room is explored
 
     @property
     def state(self) -> MissionState:
@@ -122,7 +125,7 @@ class Mission:
             if self.hand_motion(now_s) is not None:
                 return Behaviour.BY_HAND
             if self._state is MissionState.OBSERVE:
-                return Behaviour.FOLLOW_WALL
+                return Behaviour.EXPLORE if self._is_round_over else Behaviour.FOLLOW_WALL
             return Behaviour.STAND if self._order is None else Behaviour.FOLLOW_PATH
 
     def hand_motion(self, now_s: float) -> Motion | None:
@@ -132,17 +135,26 @@ class Mission:
                 return None
             return self._drive[0]
 
-    def observed(self, distance_m: float, came_round: bool) -> None:
-        """Progress of the observation: the metres driven so far, and whether the wall follower is once round."""
+    def observed(self, distance_m: float, came_round: bool, is_over: bool = False) -> None:
+        """Progress of the round: the metres driven so far, and whether the wall follower has come round, or whether
+        going on round brings nothing."""
         with self._lock:
-            if self._state is not MissionState.OBSERVE:
+            if self._state is not MissionState.OBSERVE or self._is_round_over:
                 return
             if self._began_m is None:
                 self._began_m = distance_m
             if came_round and self._round_m is None:
                 self._round_m = distance_m
             overlapped = self._round_m is not None and distance_m - self._round_m >= self._config.lap_overlap_m
-            if overlapped or distance_m - self._began_m >= self._config.lap_max_distance_m:
+            if overlapped or is_over or distance_m - self._began_m >= self._config.lap_max_distance_m:
+                self._is_round_over = True
+                if not self.explores:
+                    self._state = MissionState.COMMAND
+
+    def explored(self) -> None:
+        """Nothing is left to be seen."""
+        with self._lock:
+            if self._state is MissionState.OBSERVE and self._is_round_over:
                 self._state = MissionState.COMMAND
 
     def path_ended(self, order: PathOrder) -> None:
@@ -184,3 +196,4 @@ class Mission:
         self._drive = None
         self._began_m = None
         self._round_m = None
+        self._is_round_over = False

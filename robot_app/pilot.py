@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_app.config import ControlConfig
+from robot_app.control.explorer import Explorer, Leg, LegEnd, Task
 from robot_app.control.motion import STAND_STILL, Motion
 from robot_app.control.obstacle_avoidance import AvoidanceState, Avoided, ObstacleAvoidance, Wish
 from robot_app.control.obstacle_memory import ObstacleMemory
 from robot_app.control.path_follower import PathFollower, PathState
+from robot_app.control.round_watch import RoundWatch
 from robot_app.control.seen_ground import SeenGround
 from robot_app.control.speed import SpeedController
 from robot_app.control.wall_follower import WallFollower, WallState
@@ -20,11 +22,13 @@ from robot_app.drivers.base import DriveSetting, EncoderCount, ImuSample, RawSca
 from robot_app.mission import Behaviour, Mission, MissionConfig, PathOrder
 from robot_app.sensing.odometry import Odometry, OdometryConfig, OdometryState
 from shared.geometry.ackermann import CarGeometry
+from shared.geometry.se2 import Pose2
 from shared.messages import ScanGeometry, Start
 
 _FREE_STEERING_RAD = 0.6  # the wall follower's steering may be changed as the obstacles ask
 _PATH_STEERING_RAD = 0.12  # a planned path is free already; only small corrections are taken
 _WARM_UP_BEAMS, _WARM_UP_STEPS = 227, 60
+_BLOCKED_S = 1.5  # a leg that is blocked for so long is given up
 _HAND_STEERING_RAD = 0.0  # the operator steers; the car only refuses to hit things
 
 
@@ -50,9 +54,17 @@ class Pilot:
         self._wall = WallFollower(car, config.wall)
         self._path: PathFollower | None = None
         self._avoidance = ObstacleAvoidance(car, config.avoidance)
+        self._explorer = Explorer(car, config.explorer)
+        self._round = RoundWatch(config.round)
+        self._leg: Leg | None = None
+        self._blocked_s: float | None = None
+        self._seen_scan: tuple[RawScan, ScanGeometry] | None = None
+        self._task = Task.NONE
+        mission.explores = True
         self._speed = SpeedController(config.speed)
         self._behaviour = Behaviour.STAND
         self._order: PathOrder | None = None
+        self._home = Pose2()
         self._steering_rad = 0.0
         self._scan_stamp_s = -np.inf
         self._points_m: NDArray[np.float64] = np.zeros((0, 2))
@@ -77,6 +89,21 @@ class Pilot:
             scan.stamp_s, scan.ranges_m, geometry, seen.odom_from_robot, seen.speed_mps, seen.yaw_rate_radps
         )
         self._ground.add_scan(scan.ranges_m, geometry, seen.odom_from_robot)
+        self._seen_scan = scan, geometry
+
+    def explore(self, now_s: float) -> None:
+        """Note what was seen, and plan; a few times a second, in a thread of its own: a plan takes a while."""
+        seen = self._seen_scan
+        pose = self._odometry.at(seen[0].stamp_s) if seen is not None else None
+        if seen is None or pose is None:
+            return
+        state = self._odometry.state
+        self._explorer.look(seen[0].ranges_m, seen[1], pose.odom_from_robot, state.distance_m)
+        task = Task.EXPLORE if self._mission.behaviour(now_s) is Behaviour.EXPLORE else Task.NONE
+        if task is not self._task:
+            self._task = task
+            self._explorer.begin(task, self._home)
+        self._explorer.step(state.odom_from_robot, state.speed_mps)
 
     def step(self, now_s: float, may_move: bool) -> DriveSetting:
         """What the motor and the servo are to do now."""
@@ -91,6 +118,10 @@ class Pilot:
         self._steering_rad = motion.steering_rad
         return DriveSetting(self._speed.step(now_s, motion.speed_mps, state.speed_mps), motion.steering_rad)
 
+    def pushing(self, duty: float) -> DriveSetting:
+        """With this duty, and the wheels steered as they are."""
+        return DriveSetting(duty, self._steering_rad)
+
     def cut(self) -> None:
         """The motor was cut from outside: forget what the speed loop has wound up."""
         self._speed.reset()
@@ -101,6 +132,8 @@ class Pilot:
             self._avoidance.reset()
         if behaviour is Behaviour.FOLLOW_WALL and was is not Behaviour.BY_HAND:
             self._wall.reset()
+            self._round.reset()
+            self._home = self._odometry.state.odom_from_robot
 
     def _drive(self, now_s: float, behaviour: Behaviour, state: OdometryState) -> Motion:
         pose = state.odom_from_robot
@@ -127,12 +160,36 @@ class Pilot:
             return Wish(self._mission.hand_motion(now_s) or STAND_STILL, _HAND_STEERING_RAD)
         if behaviour is Behaviour.FOLLOW_PATH:
             return self._path_wish(now_s, state)
-        return self._wall_wish(state)
+        if behaviour is Behaviour.EXPLORE:
+            return self._leg_wish(now_s, state)
+        return self._wall_wish(now_s, state)
 
-    def _wall_wish(self, state: OdometryState) -> Wish:
+    def _wall_wish(self, now_s: float, state: OdometryState) -> Wish:
         step = self._wall.step(self._points_m, state.odom_from_robot, self._avoided.clearance_ahead_m)
-        self._mission.observed(state.distance_m, step.state is WallState.DONE)
+        blocked = self._avoided.state is AvoidanceState.BLOCKED
+        seen_m2 = self._explorer.seen_m2
+        brings_nothing = self._round.is_over(now_s, state.odom_from_robot, state.distance_m, blocked, seen_m2)
+        self._mission.observed(state.distance_m, step.state is WallState.DONE, brings_nothing)
         return Wish(step.motion, _FREE_STEERING_RAD, step.carrot_m, may_reverse=True)
+
+    def _leg_wish(self, now_s: float, state: OdometryState) -> Wish:
+        """Along what the explorer has planned; it stands while there is nothing."""
+        if self._explorer.finished and self._task is Task.EXPLORE:
+            self._mission.explored()
+        leg = self._explorer.leg
+        if leg is None:
+            return Wish(STAND_STILL)
+        if leg is not self._leg or self._path is None:
+            self._leg, self._blocked_s = leg, None
+            self._path = PathFollower(self._car, self._config.path, leg.path)
+        step = self._path.step(now_s, state.odom_from_robot, state.speed_mps)
+        blocked = self._avoided.state is AvoidanceState.BLOCKED
+        self._blocked_s = (self._blocked_s or now_s) if blocked else None
+        if step.state is PathState.DONE:
+            self._explorer.end(LegEnd(leg.number, arrived=True))
+        elif step.state is PathState.LOST or (self._blocked_s is not None and now_s - self._blocked_s > _BLOCKED_S):
+            self._explorer.end(LegEnd(leg.number, arrived=False))
+        return Wish(step.motion, _PATH_STEERING_RAD)
 
     def _path_wish(self, now_s: float, state: OdometryState) -> Wish:
         order = self._mission.order
@@ -158,4 +215,8 @@ def warm_up(car: CarGeometry, config: ControlConfig, geometry: ScanGeometry) -> 
         now_s = 0.05 * i
         odometry.update(EncoderCount(now_s, i, i), ImuSample(now_s, (0.0, 0.0, 0.0), (0.0, 0.0, 9.81)))
         pilot.take_scan(RawScan(now_s, ranges_m), geometry)
+        pilot.step(now_s, may_move=True)
+    mission.observed(0.0, came_round=False, is_over=True)
+    for _ in range(2):
+        pilot.explore(now_s)
         pilot.step(now_s, may_move=True)

@@ -28,8 +28,8 @@ class SeenGround:
     def __init__(self, car: CarGeometry, config: SeenGroundConfig) -> None:
         self._config = config
         self._owner = np.full((config.cells, config.cells, 2), np.iinfo(np.int64).min, np.int64)
-        self._body = _lattice(-car.rear_m, car.front_m, car.width_m / 2, config.cell_m / 2)
-        self._behind = _lattice(-config.behind_m, 0.0, config.aside_m, config.cell_m)
+        self._body = lattice(-car.rear_m, car.front_m, car.width_m / 2, config.cell_m / 2)
+        self._behind = lattice(-config.behind_m, 0.0, config.aside_m, config.cell_m)
         self._unseen_m = np.empty_like(self._behind)
 
     def add_scan(self, ranges_m: NDArray[np.floating], geometry: ScanGeometry, odom_from_robot: Pose2) -> None:
@@ -55,7 +55,7 @@ class SeenGround:
         return self._unseen_m[:found].copy()
 
 
-def _lattice(rear_m: float, front_m: float, half_m: float, step_m: float) -> NDArray[np.float64]:
+def lattice(rear_m: float, front_m: float, half_m: float, step_m: float) -> NDArray[np.float64]:
     """(N, 2): points of a rectangle, robot frame."""
     x = np.linspace(rear_m, front_m, max(2, round((front_m - rear_m) / step_m) + 1))
     y = np.linspace(-half_m, half_m, max(2, round(2 * half_m / step_m) + 1))

@@ -1,0 +1,243 @@
+"""Brings the car to the floor that was not seen yet, home to where it started, and out of dead ends.
+
+The robot does this by itself, on the floor map of its own, so that neither a slow link nor a silent one matters. It
+goes where the most unseen floor comes into sight for the way to get there (next best view), over the ways that a car
+has, reversing included. Floor that ought to have been seen from a place and was not does not call again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_app.control.ground.floor_map import FloorMap, FloorMapConfig
+from robot_app.control.ways.ways import Ways, WaysConfig, path_room_m
+from shared.geometry.ackermann import CarGeometry
+from shared.geometry.se2 import Pose2, wrap_angle
+from shared.messages import ScanGeometry
+
+
+@dataclass(frozen=True, slots=True)
+class ExplorerConfig:
+    floor: FloorMapConfig = field(default_factory=FloorMapConfig)
+    ways: WaysConfig = field(default_factory=WaysConfig)
+    margin_m: float = 0.045  # planned round the body; the avoidance insists on 3 cm
+    least_view_m2: float = 0.03  # a place that shows less unseen floor is not worth the way
+    way_bonus_m: float = 0.7  # views are weighed by floor shown over the way and this
+    place_m: float = 0.25  # places looked at: the best of each square and each of so many headings
+    headings: int = 8
+    home_m: float = 0.12  # so near to the start is home
+    home_rad: float = 0.5
+    loop_distance_m: float = 4.0  # a loop is closed where the robot was so much of its way before
+    loop_gate_m: float = 0.5
+    loop_gate_rad: float = 0.8
+    trail_step_m: float = 0.03
+    trail_length: int = 2000
+    retreat_m: float = 0.5  # back along the way it came, where no other leads on
+    least_nodes: int = 60  # fewer poses are no way on
+    attempts: int = 6  # without getting anywhere
+    progress_m: float = 0.6  # getting somewhere
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.least_view_m2 <= 1.0 or not 0.03 <= self.margin_m <= 0.2:
+            raise ValueError("least_view_m2 must be from 0 to 1 and margin_m from 0.03 to 0.2")
+
+
+class Task(Enum):
+    NONE = "none"
+    EXPLORE = "explore"
+    HOME = "home"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Leg:
+    """`path`: (N, 3) as of `PathFollower`."""
+
+    number: int
+    path: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class LegEnd:
+    """What became of a leg: driven to its end, or not."""
+
+    number: int
+    arrived: bool
+
+
+class Explorer:
+    """Step it a few times a second in one thread; `leg`, `finished` and `end` may be used by another."""
+
+    def __init__(self, car: CarGeometry, config: ExplorerConfig) -> None:
+        self._car = car
+        self._config = config
+        self._floor = FloorMap(car, config.floor)
+        self._trail: deque[tuple[Pose2, float]] = deque(maxlen=config.trail_length)
+        self._number = 0
+        self._task = Task.NONE
+        self.home = Pose2()
+        self.forget()
+
+    def forget(self) -> None:
+        """A new task begins."""
+        self.leg: Leg | None = None
+        self.finished = False
+        self.found_way = True  # whether the task that is finished was done, or given up
+        self._ended: LegEnd | None = None
+        self._attempts = 0
+        self._anchor: Pose2 | None = None
+        self._shunned: deque[Pose2] = deque(maxlen=20)
+        self._is_retreat = False
+
+    @property
+    def seen_m2(self) -> float:
+        return self._floor.seen_m2
+
+    def begin(self, task: Task, home: Pose2) -> None:
+        self._task = task
+        self.home = home
+        self.forget()
+
+    def end(self, ended: LegEnd) -> None:
+        """The leg was driven, or cannot be."""
+        self._ended = ended
+
+    def look(
+        self, ranges_m: NDArray[np.floating], geometry: ScanGeometry, odom_from_robot: Pose2, way_m: float
+    ) -> None:
+        """Take a scan made at this pose, after `way_m` driven."""
+        self._floor.add_scan(ranges_m, geometry, odom_from_robot)
+        self._geometry, self._beams = geometry, len(ranges_m)
+        last = self._trail[-1][0] if self._trail else None
+        if last is None or last.distance_m(odom_from_robot) >= self._config.trail_step_m:
+            self._trail.append((odom_from_robot, way_m))
+
+    @property
+    def loop_closed(self) -> bool:
+        """Whether the robot has been at one place twice, some way apart, so that the map's ends can meet."""
+        config = self._config
+        trail = tuple(self._trail)[::3]
+        at = np.array([(pose.x_m, pose.y_m, pose.theta_rad, way) for pose, way in trail]).reshape(-1, 4)
+        for x, y, theta, way in at:
+            earlier = at[at[:, 3] <= way - config.loop_distance_m]
+            near = np.hypot(earlier[:, 0] - x, earlier[:, 1] - y) < config.loop_gate_m
+            turned = np.abs(np.mod(earlier[:, 2] - theta + math.pi, math.tau) - math.pi) < config.loop_gate_rad
+            if (near & turned).any():
+                return True
+        return False
+
+    def step(self, odom_from_robot: Pose2, speed_mps: float) -> None:
+        """Do what is due for the task."""
+        if self._task is Task.NONE or self.finished or not self._trail:
+            return
+        leg, ended = self.leg, self._ended
+        if leg is not None and ended is not None and ended.number == leg.number:
+            self._close(leg, ended, odom_from_robot)
+        elif leg is not None and self._still_good(leg, odom_from_robot):
+            return
+        self._plan(odom_from_robot, speed_mps)
+
+    def _close(self, leg: Leg, ended: LegEnd, pose: Pose2) -> None:
+        self.leg = None
+        if self._anchor is None or pose.distance_m(self._anchor) > self._config.progress_m:
+            self._anchor, self._attempts = pose, 0
+        if not ended.arrived:
+            self._attempts += 1
+            self._shunned.append(Pose2.from_array(leg.path[-1]))
+
+    def _still_good(self, leg: Leg, pose: Pose2) -> bool:
+        """Free as far as it is left, and worth it."""
+        if self._is_retreat:
+            return True
+        gaps = np.hypot(leg.path[:, 0] - pose.x_m, leg.path[:, 1] - pose.y_m)
+        rest = leg.path[int(np.argmin(gaps)) :]
+        room = self._floor.room_for_body(pose, self._config.margin_m - 0.015)
+        start_room_m = path_room_m(self._car, room, pose.as_array()[None])
+        if path_room_m(self._car, room, rest) < min(0.0, start_room_m):
+            return False
+        if self._task is Task.HOME or self._is_home_leg:
+            return True
+        return self._view_m2(leg.path[-1]) >= 0.6 * self._config.least_view_m2
+
+    def _view_m2(self, pose: NDArray[np.float64]) -> float:
+        return self._floor.unseen_m2(Pose2.from_array(pose), self._geometry, self._beams)
+
+    def _plan(self, pose: Pose2, speed_mps: float) -> None:
+        self.leg, self._is_retreat, self._is_home_leg = None, False, False
+        room = self._floor.room_for_body(pose, self._config.margin_m)
+        direction = 0.0 if abs(speed_mps) < 0.05 else math.copysign(1.0, speed_mps)
+        ways = Ways(self._car, self._config.ways, room, pose, direction)
+        if self._attempts >= self._config.attempts:
+            self._finish(done=False)
+        elif len(ways) < self._config.least_nodes or self._attempts % 3 == 2:
+            self._retreat(pose)
+        elif self._task is Task.HOME:
+            self._go_home(ways)
+        else:
+            self._explore(ways, pose)
+
+    def _explore(self, ways: Ways, pose: Pose2) -> None:
+        best, best_score = None, 0.0
+        for node in ways.spread(self._config.place_m, self._config.headings).tolist():
+            view_m2 = self._view_m2(ways.poses[node])
+            if view_m2 < self._config.least_view_m2 or self._is_shunned(ways.poses[node]):
+                continue
+            score = view_m2 / (float(ways.costs_m[node]) + self._config.way_bonus_m)
+            if score > best_score:
+                best, best_score = node, score
+        if best is not None and best > 0:
+            self._go(ways.path_to(best))
+        elif best is None and not self.loop_closed and pose.distance_m(self.home) > self._config.loop_gate_m:
+            self._is_home_leg = True
+            self._go_home(ways)
+        elif best is None:
+            self._finish(done=True)
+
+    def _is_shunned(self, pose: NDArray[np.float64]) -> bool:
+        return any(
+            math.hypot(pose[0] - s.x_m, pose[1] - s.y_m) < 0.2 and abs(wrap_angle(pose[2] - s.theta_rad)) < 0.6
+            for s in self._shunned
+        )
+
+    def _go_home(self, ways: Ways) -> None:
+        config = self._config
+        gates = ((config.home_m, config.home_rad), (config.home_m, math.pi), (3 * config.home_m, math.pi))
+        for reach_m, turn_rad in gates:
+            node = ways.nearest_to(self.home, reach_m, turn_rad)
+            if node == 0:
+                break
+            if node is not None:
+                self._go(ways.path_to(node))
+                return
+        self._finish(done=node is not None)
+
+    def _retreat(self, pose: Pose2) -> None:
+        """Back along the way it came, which was free."""
+        back, length_m, last = [pose.as_array()], 0.0, pose
+        for earlier, _ in reversed(self._trail):
+            step_m = last.distance_m(earlier)
+            if step_m < 0.5 * self._config.trail_step_m:
+                continue
+            if step_m > 10 * self._config.trail_step_m or length_m > self._config.retreat_m:
+                break
+            back.append(earlier.as_array())
+            length_m, last = length_m + step_m, earlier
+        self._attempts += 1
+        if len(back) < 3:
+            self._finish(done=False)
+            return
+        self._is_retreat = True
+        self._go(np.array(back))
+
+    def _go(self, path: NDArray[np.float64]) -> None:
+        self._number += 1
+        self.leg = Leg(self._number, path)
+
+    def _finish(self, done: bool) -> None:
+        self.found_way = done
+        self.finished = True

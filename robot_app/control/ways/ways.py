@@ -1,0 +1,120 @@
+"""All ways of the car among what it has seen, and the path along one of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_app.control.ground.floor_map import BodyRoom
+from robot_app.control.ways import _kernels
+from shared.geometry.ackermann import CarGeometry
+from shared.geometry.se2 import Pose2
+
+_DISCS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class WaysConfig:
+    step_m: float = 0.12
+    cell_m: float = 0.05
+    headings: int = 32
+    most_nodes: int = 300_000
+    reverse_cost: float = 1.5  # of a metre in reverse, in metres forward
+    cusp_cost_m: float = 0.35  # of a change of direction
+    steering_cost_m: float = 0.05  # of a change from full right to full left
+    tight_cost: float = 1.0  # of a metre without room to spare
+    turning_reserve: float = 1.06  # circles are this much wider than the car's smallest
+    spacing_m: float = 0.04
+
+
+def body_discs(car: CarGeometry) -> NDArray[np.float64]:
+    """(D + 1,): the radius of the discs that cover the body, and their centres ahead of the rear axle."""
+    part = (car.front_m + car.rear_m) / _DISCS
+    centres = -car.rear_m + part * (np.arange(_DISCS) + 0.5)
+    return np.array([math.hypot(part / 2, car.width_m / 2), *centres])
+
+
+class Ways:
+    """Of the car from one pose."""
+
+    def __init__(self, car: CarGeometry, config: WaysConfig, room: BodyRoom, start: Pose2, direction: float) -> None:
+        """`direction`: in which the car moves now; 0 where it stands."""
+        self._config = config
+        rows, columns = (int(cells * float(room.frame[2]) / config.cell_m) + 1 for cells in room.room_m.shape)
+        self._curvature = 1.0 / (car.min_turning_radius_m * config.turning_reserve)
+        nodes, parents = np.empty((config.most_nodes, 5)), np.empty(config.most_nodes, np.int64)
+        count = _kernels.find_ways(
+            room.room_m,
+            room.frame,
+            body_discs(car),
+            np.array([*start.as_array(), direction]),
+            self._curvature,
+            config.step_m,
+            config.cell_m,
+            config.headings,
+            np.array([config.reverse_cost, config.cusp_cost_m, config.steering_cost_m, config.tight_cost]),
+            np.full(rows * columns * config.headings, np.inf, np.float32),
+            nodes,
+            parents,
+            np.empty(config.most_nodes),
+            np.empty(config.most_nodes, np.int64),
+        )
+        self.poses = nodes[:count, :3]
+        self.costs_m = nodes[:count, 3]
+        self._moves = nodes[:count, 4].astype(np.int64)
+        self._parents = parents[:count]
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def spread(self, place_m: float, headings: int) -> NDArray[np.int64]:
+        """One node, the cheapest, for each square of `place_m` and each of so many headings."""
+        turn = np.floor(np.mod(self.poses[:, 2], math.tau) / math.tau * headings)
+        keys = np.column_stack((np.floor(self.poses[:, :2] / place_m), turn)).astype(np.int64)
+        keys -= keys.min(axis=0)
+        sizes = keys.max(axis=0) + 1
+        flat = (keys[:, 0] * sizes[1] + keys[:, 1]) * sizes[2] + keys[:, 2]
+        order = np.argsort(self.costs_m, kind="stable")
+        _, first = np.unique(flat[order], return_index=True)
+        return order[first]
+
+    def nearest_to(self, pose: Pose2, reach_m: float, turn_rad: float) -> int | None:
+        """The cheapest node within reach of a pose, turned no further from it than that."""
+        off = np.hypot(self.poses[:, 0] - pose.x_m, self.poses[:, 1] - pose.y_m)
+        turned = np.abs(np.mod(self.poses[:, 2] - pose.theta_rad + math.pi, math.tau) - math.pi)
+        near = np.flatnonzero((off <= reach_m) & (turned <= turn_rad))
+        if not len(near):
+            return None
+        return int(near[np.argmin(self.costs_m[near] + 2.0 * off[near])])
+
+    def path_to(self, node: int) -> NDArray[np.float64]:
+        """(N, 3) from the start, a point at most every `spacing_m`."""
+        chain = []
+        while node > 0:
+            chain.append(node)
+            node = int(self._parents[node])
+        points = [self.poses[0]]
+        parts = max(1, math.ceil(self._config.step_m / self._config.spacing_m))
+        for k in reversed(chain):
+            points += self._along(self.poses[self._parents[k]], int(self._moves[k]), parts)
+        return np.array(points)
+
+    def _along(self, pose: NDArray[np.float64], move: int, parts: int) -> list[NDArray[np.float64]]:
+        step = (self._config.step_m if move < 5 else -self._config.step_m) / parts
+        bend = self._curvature * 0.5 * (move % 5 - 2)
+        x, y, theta = pose.tolist()
+        points = []
+        for _ in range(parts):
+            x += step * math.cos(theta + 0.5 * step * bend)
+            y += step * math.sin(theta + 0.5 * step * bend)
+            theta += step * bend
+            points.append(np.array([x, y, theta]))
+        return points
+
+
+def path_room_m(car: CarGeometry, room: BodyRoom, path: NDArray[np.float64]) -> float:
+    """The least room of the body along a path, (N, 3); negative where it does not fit."""
+    return float(_kernels.worst_room(room.room_m, room.frame, body_discs(car), np.ascontiguousarray(path)))
