@@ -8,16 +8,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_app.drivers.ackermann_drive import AckermannDrive
 from robot_app.drivers.ads1115 import Ads1115
-from robot_app.drivers.base import DeviceError, DriveSetting
+from robot_app.drivers.base import DeviceError, DriveSetting, OmniSetting
 from robot_app.drivers.config import DeviceConfig
-from robot_app.drivers.encoder import QuadratureEncoders
 from robot_app.drivers.hokuyo import HokuyoScanner
 from robot_app.drivers.l515 import RealSenseCamera
 from robot_app.drivers.lsm9ds1 import Lsm9ds1
+from robot_app.drivers.raspberry_pi import open_drive, open_encoders
 from robot_app.drivers.thermometer import CpuThermometer
 from shared.geometry.ackermann import CarGeometry
+from shared.geometry.omni3 import OmniGeometry
 from shared.link.base import LinkError
 from shared.link.es920lr.core import Ready
 from shared.link.radio_config import RadioConfig
@@ -37,15 +37,15 @@ class Finding:
     words: str
 
 
-def check_devices(config: DeviceConfig, car: CarGeometry, clock: Clock) -> Iterator[Finding]:
+def check_devices(config: DeviceConfig, body: CarGeometry | OmniGeometry, clock: Clock) -> Iterator[Finding]:
     """One finding after the other, so that they can be shown as they come. No wheel turns."""
     c = config
     checks: tuple[tuple[str, str, Callable[[], str]], ...] = (
-        ("drive", f"{c.drive.pwm_chip}, {c.drive.gpio_chip}", lambda: _drive(c, car, clock)),
+        ("drive", _where_the_drive_is(c), lambda: _drive(c, body, clock)),
         ("processor", c.thermometer.zone, lambda: _thermometer(c, clock)),
         ("power", f"I2C {c.power.bus}, {c.power.address:#04x}", lambda: _power(c, clock)),
         ("imu", f"I2C {c.imu.bus}, {c.imu.address:#04x}", lambda: _imu(c, clock)),
-        ("encoders", c.encoders.chip, lambda: _encoders(c, clock)),
+        ("encoders", c.encoders.chip if c.omni is None else c.omni.gpio_chip, lambda: _encoders(c, clock)),
         ("scanner", c.scanner.address or c.scanner.port, lambda: _scanner(c, clock)),
         ("depth camera", f"USB {c.camera.serial}".rstrip(), lambda: _camera(c, clock)),
     )
@@ -84,12 +84,20 @@ def _radio(c: RadioConfig, radio: int, clock: Clock) -> str:
     return f"operates at {at}" if was_asked else f"operates; `radio-config check` tells whether at {at}"
 
 
-def _drive(c: DeviceConfig, car: CarGeometry, clock: Clock) -> str:
-    drive = AckermannDrive(c.drive, car, clock)
+def _where_the_drive_is(c: DeviceConfig) -> str:
+    wires = c.drive if c.omni is None else c.omni
+    return f"{wires.pwm_chip}, {wires.gpio_chip}"
+
+
+def _drive(c: DeviceConfig, body: CarGeometry | OmniGeometry, clock: Clock) -> str:
+    is_car = isinstance(body, CarGeometry)
+    drive = open_drive(c, body, clock)
     try:
-        drive.set(DriveSetting(0.0, 0.0))
+        drive.set(DriveSetting(0.0, 0.0) if is_car else OmniSetting((0.0, 0.0, 0.0)))
     finally:
         drive.close()
+    if not is_car:
+        return "the three motors are free; which way each turns shows while driving by hand, lifted"
     return "the front wheels must stand straight now; if not, change devices.drive.servo_trim_us"
 
 
@@ -124,7 +132,7 @@ def _imu(c: DeviceConfig, clock: Clock) -> str:
 
 
 def _encoders(c: DeviceConfig, clock: Clock) -> str:
-    encoders = QuadratureEncoders(c.encoders, clock)
+    encoders = open_encoders(c, clock)
     encoders.close()
     return "the lines are free; whether the wheels count up when pushed forward shows while driving"
 

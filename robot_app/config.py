@@ -8,6 +8,10 @@ from pathlib import Path
 from robot_app.control.explorer import ExplorerConfig
 from robot_app.control.obstacle_avoidance import AvoidanceConfig
 from robot_app.control.obstacle_memory import ObstacleMemoryConfig
+from robot_app.control.omni.avoidance import OmniAvoidanceConfig
+from robot_app.control.omni.path_follower import OmniPathConfig
+from robot_app.control.omni.wall_follower import OmniWallConfig
+from robot_app.control.omni.wheel_speeds import OmniSpeedConfig
 from robot_app.control.path_follower import PathFollowerConfig
 from robot_app.control.round_watch import RoundConfig
 from robot_app.control.seen_ground import SeenGroundConfig
@@ -19,12 +23,14 @@ from robot_app.perception.config import PerceptionConfig
 from robot_app.safety.bands import SafetyConfig
 from robot_app.sensing.odometry import OdometryConfig
 from robot_app.sensing.scan_filter import ScanFilterConfig
-from shared.config import load
+from shared.config import load, read_table
 from shared.geometry.ackermann import CarGeometry
 from shared.geometry.camera import CameraMount
+from shared.geometry.omni3 import OmniGeometry
 from shared.link.radio_config import LinkUse, RadioConfig, longest_word_s
 
 DEFAULT_PATH = Path(__file__).with_name("robot.toml")
+OMNI_PATH = Path(__file__).with_name("omni.toml")
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,16 +59,29 @@ class ControlConfig:
 
 
 @dataclass(frozen=True, slots=True)
-class RobotConfig:
+class OmniControlConfig:
+    max_speed_mps: float = 0.46  # the fastest of paper 1's robot; whoever asks for more gets this
+    wall_freedom_rad: float = 1.3  # the wall follower's direction may be changed as the obstacles ask
+    path_freedom_rad: float = 0.25  # a planned path is free already; only small corrections are taken
+    hand_turn_per_s: float = 2.5  # by hand: so many radians a second of turning for each of steering
+    memory: ObstacleMemoryConfig = field(default_factory=ObstacleMemoryConfig)
+    wall: OmniWallConfig = field(default_factory=OmniWallConfig)
+    path: OmniPathConfig = field(default_factory=OmniPathConfig)
+    avoidance: OmniAvoidanceConfig = field(default_factory=OmniAvoidanceConfig)
+    speed: OmniSpeedConfig = field(default_factory=OmniSpeedConfig)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommonConfig:
+    """Of every kind of robot."""
+
     name: str
-    car: CarGeometry
     camera: CameraMount
     link: LinkConfig = field(default_factory=LinkConfig)
     radio: RadioConfig = field(default_factory=RadioConfig)
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     scan_filter: ScanFilterConfig = field(default_factory=ScanFilterConfig)
     perception: PerceptionConfig = field(default_factory=PerceptionConfig)
-    control: ControlConfig = field(default_factory=ControlConfig)
     mission: MissionConfig = field(default_factory=MissionConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
     devices: DeviceConfig = field(default_factory=DeviceConfig)
@@ -83,6 +102,44 @@ class RobotConfig:
             )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotConfig(CommonConfig):
+    """The car-like robot, whose file has a table `[car]`."""
+
+    car: CarGeometry
+    control: ControlConfig = field(default_factory=ControlConfig)
+
+    @property
+    def body(self) -> CarGeometry:
+        return self.car
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OmniRobotConfig(CommonConfig):
+    """The omnidirectional robot, whose file has a table `[omni]`."""
+
+    omni: OmniGeometry
+    control: OmniControlConfig = field(default_factory=OmniControlConfig)
+
+    def __post_init__(self) -> None:
+        CommonConfig.__post_init__(self)
+        if self.devices.omni is None:
+            raise ValueError("the table devices.omni must tell where the three wheels are connected")
+
+    @property
+    def body(self) -> OmniGeometry:
+        return self.omni
+
+
+AnyRobotConfig = RobotConfig | OmniRobotConfig
+
+
 def load_config(path: Path | None) -> RobotConfig:
-    """The file at `path`, or the one that comes with the app. Raises `ConfigError`."""
+    """Of a car: the file at `path`, or the one that comes with the app. Raises `ConfigError`."""
     return load(path or DEFAULT_PATH, RobotConfig)
+
+
+def load_any_config(path: Path | None) -> AnyRobotConfig:
+    """Of whatever robot the file is for."""
+    path = path or DEFAULT_PATH
+    return load(path, OmniRobotConfig) if "omni" in read_table(path) else load(path, RobotConfig)

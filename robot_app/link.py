@@ -7,7 +7,7 @@ import secrets
 from dataclasses import dataclass
 from pathlib import Path
 
-from robot_app.config import RobotConfig
+from robot_app.config import CommonConfig
 from robot_app.uplink import BUSY
 from shared.link.base import Link
 from shared.link.failover.link import Failover
@@ -31,7 +31,7 @@ class OpenLink:
     where: str  # for the log
 
 
-def open_link(config: RobotConfig, clock: Clock) -> OpenLink:
+def open_link(config: CommonConfig, clock: Clock) -> OpenLink:
     """Raises `LinkError`: a port in use, no pairing file."""
     c = config.link
     pairing = read_pairing(Path(c.pairing).expanduser()) if c.pairing else None
@@ -55,5 +55,5 @@ def open_link(config: RobotConfig, clock: Clock) -> OpenLink:
     return OpenLink(link, server.port, f"{c.bind}:{server.port} and {at}")
 
 
-def _open_pair(config: RobotConfig, pairing: Pairing, clock: Clock) -> RadioPair:
+def _open_pair(config: CommonConfig, pairing: Pairing, clock: Clock) -> RadioPair:
     return open_pair(config.radio, pairing, clock, is_robot=True, has_wifi=config.link.use == "both")

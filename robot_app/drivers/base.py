@@ -104,6 +104,11 @@ class OmniSetting:
     duties: tuple[float, float, float]
 
     @property
+    def duty(self) -> float:
+        """The largest of them."""
+        return max(self.duties, key=abs)
+
+    @property
     def is_finite(self) -> bool:
         return all(map(math.isfinite, self.duties))
 

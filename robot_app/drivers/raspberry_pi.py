@@ -1,4 +1,4 @@
-"""All devices of the car on a Raspberry Pi."""
+"""All devices of a robot on a Raspberry Pi."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ from typing import Protocol, TypeVar
 
 from robot_app.drivers.ackermann_drive import AckermannDrive
 from robot_app.drivers.ads1115 import Ads1115
-from robot_app.drivers.base import Hardware
+from robot_app.drivers.base import Drive, Encoders, Hardware
 from robot_app.drivers.config import DeviceConfig
-from robot_app.drivers.encoder import QuadratureEncoders
+from robot_app.drivers.encoder import OmniEncoders, QuadratureEncoders
 from robot_app.drivers.hokuyo import HokuyoScanner
 from robot_app.drivers.l515 import RealSenseCamera
 from robot_app.drivers.lsm9ds1 import Lsm9ds1
+from robot_app.drivers.omni_drive import OmniDrive
 from robot_app.drivers.thermometer import CpuThermometer
 from shared.geometry.ackermann import CarGeometry
+from shared.geometry.omni3 import OmniGeometry
 from shared.runtime.clock import Clock
 
 
@@ -25,7 +27,19 @@ class _Closes(Protocol):
 DeviceT = TypeVar("DeviceT", bound=_Closes)
 
 
-def open_hardware(config: DeviceConfig, car: CarGeometry, clock: Clock) -> Hardware:
+def open_drive(config: DeviceConfig, body: CarGeometry | OmniGeometry, clock: Clock) -> Drive:
+    """Of the robot that has this body."""
+    if isinstance(body, CarGeometry):
+        return AckermannDrive(config.drive, body, clock)
+    assert config.omni is not None, "an omnidirectional robot's configuration has them"
+    return OmniDrive(config.omni, clock)
+
+
+def open_encoders(config: DeviceConfig, clock: Clock) -> Encoders:
+    return QuadratureEncoders(config.encoders, clock) if config.omni is None else OmniEncoders(config.omni, clock)
+
+
+def open_hardware(config: DeviceConfig, body: CarGeometry | OmniGeometry, clock: Clock) -> Hardware:
     """The drive first: it cuts the motor. Raises the `DeviceError` of the first device that cannot be opened."""
     with ExitStack() as opened:
 
@@ -34,11 +48,11 @@ def open_hardware(config: DeviceConfig, car: CarGeometry, clock: Clock) -> Hardw
             return device
 
         hardware = Hardware(
-            drive=kept(AckermannDrive(config.drive, car, clock)),
+            drive=kept(open_drive(config, body, clock)),
             thermometer=kept(CpuThermometer(config.thermometer, clock)),
             power=kept(Ads1115(config.power, clock)),
             imu=kept(Lsm9ds1(config.imu, clock)),
-            encoders=kept(QuadratureEncoders(config.encoders, clock)),
+            encoders=kept(open_encoders(config, clock)),
             scanner=kept(HokuyoScanner(config.scanner, clock)),
             camera=kept(RealSenseCamera(config.camera, clock)),
         )

@@ -81,6 +81,11 @@ class OmniGeometry:
         return self.wheels_mps(Twist(c * x_mps + s * y_mps, -s * x_mps + c * y_mps, turn_radps))
 
     @property
+    def track_m(self) -> float:
+        """Of the circle on which the wheels are."""
+        return 2 * self.wheel_distance_m
+
+    @property
     def min_turning_radius_m(self) -> float:
         """It turns on the spot."""
         return 0.0

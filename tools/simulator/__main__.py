@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from robot_app.app import RobotApp
-from robot_app.config import RobotConfig, load_config
+from robot_app.config import AnyRobotConfig
 from robot_app.drivers.base import DeviceError
 from robot_app.link import OpenLink, open_link
 from robot_app.run import run_robot, stop_on_signals
@@ -19,7 +19,8 @@ from robot_app.service import ServiceManager
 from shared.command_line import Parser, Refused, port_number, run, seed, set_up_logging
 from shared.runtime.clock import MonotonicClock
 from tools.simulator.drivers import RealTimePump, SimulatedHardware
-from tools.simulator.scenario import Scenario, find_scenario, scenario_names
+from tools.simulator.robots import with_robot
+from tools.simulator.scenario import ROBOT_NAMES, Scenario, find_scenario, scenario_names
 from tools.simulator.truth import write_truth
 from tools.simulator.world import World
 
@@ -36,6 +37,7 @@ def _parser() -> argparse.ArgumentParser:
         "--scenario", default="lab", help=f"one of {', '.join(scenario_names())}, or a TOML file (default: lab)"
     )
     parser.add_argument("--seed", type=seed, default=1, help="of all noise (default: 1)")
+    parser.add_argument("--robot", choices=ROBOT_NAMES, help="which robot (default: that of --config, or car)")
     parser.add_argument("--config", metavar="FILE", type=Path, help="robot.toml instead of the one that comes along")
     parser.add_argument(
         "--port", type=port_number, help="listen here instead of on the port in robot.toml; 0 takes a free one"
@@ -50,7 +52,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def simulate(scenario: Scenario, config: RobotConfig, args: argparse.Namespace, stop: threading.Event) -> None:
+def simulate(scenario: Scenario, config: AnyRobotConfig, args: argparse.Namespace, stop: threading.Event) -> None:
     """Run the robot until `stop` is set. The car stops first, then the threads, then the world."""
     clock = MonotonicClock()
     port = config.link.port if args.port is None else args.port
@@ -82,8 +84,7 @@ def _announce(scenario: Scenario, opened: OpenLink, args: argparse.Namespace) ->
 
 
 def _work(args: argparse.Namespace) -> int:
-    scenario = find_scenario(args.scenario)
-    config = load_config(args.config)
+    scenario, config = with_robot(find_scenario(args.scenario), args.robot, args.config)
     for folder in (args.out, args.port_file.parent if args.port_file is not None else None):
         _make(folder)
     stop = stop_on_signals()

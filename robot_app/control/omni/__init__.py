@@ -1,0 +1,1 @@
+"""Control of a robot that moves sideways and turns on the spot: the body is a disc, so only its way matters."""

@@ -1,0 +1,75 @@
+"""From the motion that is wanted to the duty of each motor: slewed as a whole, then closed loops on the encoders."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from robot_app.control.speed import SpeedConfig, SpeedController
+from shared.geometry.omni3 import STAND_STILL, WHEELS, OmniGeometry, Twist, Wheels
+
+
+def _loop_of_wheel() -> SpeedConfig:
+    """Its reference is slewed here already, so the loop's own limits lie far beyond that."""
+    return SpeedConfig(
+        friction_duty=0.04, proportional_per_mps=1.0, integral_per_m=5.0, acceleration_mps2=4.0, deceleration_mps2=8.0
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class OmniSpeedConfig:
+    wheel: SpeedConfig = field(default_factory=_loop_of_wheel)
+    acceleration_mps2: float = 0.8
+    deceleration_mps2: float = 1.2
+    turn_radps2: float = 4.0
+    fastest_wheel_mps: float = 0.60  # below what a wheel reaches at full duty; faster motions are scaled as a whole
+
+
+class OmniSpeedController:
+    """Step it at a steady 50 to 200 Hz."""
+
+    def __init__(self, omni: OmniGeometry, config: OmniSpeedConfig) -> None:
+        self._omni = omni
+        self._config = config
+        self._loops = [SpeedController(config.wheel) for _ in range(WHEELS)]
+        self.reset()
+
+    def reset(self) -> None:
+        self._reference = STAND_STILL
+        self._last_s: float | None = None
+        for loop in self._loops:
+            loop.reset()
+
+    @property
+    def reference(self) -> Twist:
+        """The motion that is asked of the wheels now."""
+        return self._reference
+
+    def step(self, now_s: float, wanted: Twist, measured_mps: Wheels) -> Wheels:
+        """The duties; exactly 0 when the robot is to stand and stands. Raises `ValueError` for what is no number."""
+        if not wanted.is_finite:
+            raise ValueError(f"{wanted} is asked for, which is no motion")
+        step_s = 0.0 if self._last_s is None else min(max(now_s - self._last_s, 0.0), 0.1)
+        self._last_s = now_s
+        self._reference = self._slewed(self._within_reach(wanted), step_s)
+        targets = self._omni.wheels_mps(self._reference)
+        right, left, back = (
+            loop.step(now_s, target, measured)
+            for loop, target, measured in zip(self._loops, targets, measured_mps, strict=True)
+        )
+        return right, left, back
+
+    def _within_reach(self, wanted: Twist) -> Twist:
+        fastest = max(map(abs, self._omni.wheels_mps(wanted)))
+        return wanted.scaled(min(1.0, self._config.fastest_wheel_mps / max(fastest, 1e-9)))
+
+    def _slewed(self, wanted: Twist, step_s: float) -> Twist:
+        was = self._reference
+        dx, dy = wanted.x_mps - was.x_mps, wanted.y_mps - was.y_mps
+        rate = self._config.deceleration_mps2 if wanted.speed_mps < was.speed_mps else self._config.acceleration_mps2
+        share = min(1.0, rate * step_s / max(math.hypot(dx, dy), 1e-9))
+        most = self._config.turn_radps2 * step_s
+        turn = was.turn_radps + max(-most, min(most, wanted.turn_radps - was.turn_radps))
+        if share == 1.0:
+            return Twist(wanted.x_mps, wanted.y_mps, turn)
+        return Twist(was.x_mps + share * dx, was.y_mps + share * dy, turn)

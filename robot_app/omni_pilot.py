@@ -1,0 +1,157 @@
+"""Drives the omnidirectional robot: from the mission's behaviour down to the duty of each motor."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_app.config import OmniControlConfig
+from robot_app.control.motion import Motion
+from robot_app.control.obstacle_memory import ObstacleMemory
+from robot_app.control.omni.avoidance import OmniAvoidance, OmniAvoided, OmniWish
+from robot_app.control.omni.path_follower import OmniPathFollower
+from robot_app.control.omni.wall_follower import OmniWallFollower
+from robot_app.control.omni.wheel_speeds import OmniSpeedController
+from robot_app.control.path_follower import PathState
+from robot_app.control.wall_follower import WallState
+from robot_app.drivers.base import ImuSample, OmniCount, OmniSetting, RawScan
+from robot_app.mission import Behaviour, Mission, MissionConfig, PathOrder
+from robot_app.pilot import PilotState
+from robot_app.sensing.odometry import Odometry, OdometryConfig, OdometryState
+from shared.geometry.omni3 import STAND_STILL, OmniGeometry, Twist, Wheels
+from shared.messages import ScanGeometry, Start
+
+_WARM_UP_BEAMS, _WARM_UP_STEPS = 227, 60
+_NO_WHEELS: Wheels = (0.0, 0.0, 0.0)
+
+
+class OmniPilot:
+    """Step it at 50 Hz. One thread."""
+
+    def __init__(self, omni: OmniGeometry, config: OmniControlConfig, mission: Mission, odometry: Odometry) -> None:
+        self._omni = omni
+        self._config = config
+        self._mission = mission
+        self._odometry = odometry
+        self._memory = ObstacleMemory(config.memory)
+        self._wall = OmniWallFollower(config.wall)
+        self._path: OmniPathFollower | None = None
+        self._avoidance = OmniAvoidance(omni.radius_m, config.avoidance)
+        self._speed = OmniSpeedController(omni, config.speed)
+        self._behaviour = Behaviour.STAND
+        self._order: PathOrder | None = None
+        self._scan_stamp_s = -math.inf
+        self._points_m: NDArray[np.float64] = np.zeros((0, 2))
+        self._avoided = OmniAvoided(STAND_STILL, False, 0.0, 0.0)
+        self._last_moved = STAND_STILL
+
+    @property
+    def state(self) -> PilotState:
+        """Its steering is the direction in which it moves, from where it faces."""
+        order, moves = self._order, self._speed.reference
+        direction = math.atan2(moves.y_mps, moves.x_mps) if moves.speed_mps > 0.01 else 0.0
+        goal = order.goal_id if order is not None and self._behaviour is Behaviour.FOLLOW_PATH else 0
+        return PilotState(direction, goal, self._avoided.is_blocked)
+
+    def take_scan(self, scan: RawScan, geometry: ScanGeometry) -> None:
+        """Remember what stands where."""
+        seen = self._odometry.at(scan.stamp_s)
+        if seen is None or scan.stamp_s <= self._scan_stamp_s:
+            return
+        self._scan_stamp_s = scan.stamp_s
+        self._memory.add_scan(
+            scan.stamp_s, scan.ranges_m, geometry, seen.odom_from_robot, seen.speed_mps, seen.yaw_rate_radps
+        )
+
+    def explore(self, now_s: float) -> None:
+        """It plans nothing: the round along the walls is the whole observation."""
+
+    def step(self, now_s: float, may_move: bool) -> OmniSetting:
+        """What the motors are to do now."""
+        state = self._odometry.state
+        behaviour = self._mission.behaviour(now_s) if may_move else Behaviour.STAND
+        if behaviour is not self._behaviour:
+            self._begin(behaviour)
+        wanted = STAND_STILL if behaviour is Behaviour.STAND else self._drive(now_s, behaviour, state)
+        right, left, back = state.wheels_mps or _NO_WHEELS
+        self._last_moved = self._omni.twist((right, left, back))
+        return OmniSetting(self._speed.step(now_s, wanted, (right, left, back)))
+
+    def pushing(self, duty: float) -> OmniSetting:
+        """All motors, each by its share in the last motion; the fastest wheel with `duty`."""
+        right, left, back = self._omni.wheels_mps(self._last_moved)
+        fastest = max(right, left, back, key=abs)
+        share = duty / fastest if fastest else 0.0
+        return OmniSetting((share * right, share * left, share * back))
+
+    def cut(self) -> None:
+        """The motors were cut from outside: forget what the speed loops have wound up."""
+        self._speed.reset()
+
+    def _begin(self, behaviour: Behaviour) -> None:
+        was, self._behaviour = self._behaviour, behaviour
+        self._avoidance.reset()
+        if behaviour is Behaviour.FOLLOW_WALL and was is not Behaviour.BY_HAND:
+            self._wall.reset()
+
+    def _drive(self, now_s: float, behaviour: Behaviour, state: OdometryState) -> Twist:
+        pose = state.odom_from_robot
+        self._points_m = self._memory.points_m(now_s, pose)
+        wish = self._limited(self._wish(now_s, behaviour, state))
+        points = pose.inverse().apply(self._points_m)
+        self._avoided = self._avoidance.step(wish, points, (state.speed_mps, state.lateral_mps))
+        return self._avoided.twist
+
+    def _limited(self, wish: OmniWish) -> OmniWish:
+        twist, fastest = wish.twist, self._config.max_speed_mps
+        if not twist.is_finite:
+            raise ValueError(f"{self._behaviour.value} asks for {twist}, which is no motion")
+        share = min(1.0, fastest / max(twist.speed_mps, 1e-9))
+        return OmniWish(Twist(share * twist.x_mps, share * twist.y_mps, twist.turn_radps), wish.freedom_rad)
+
+    def _wish(self, now_s: float, behaviour: Behaviour, state: OdometryState) -> OmniWish:
+        if behaviour is Behaviour.BY_HAND:
+            return self._hand_wish(self._mission.hand_motion(now_s))
+        if behaviour is Behaviour.FOLLOW_PATH:
+            return self._path_wish(now_s, state)
+        return self._wall_wish(state)
+
+    def _hand_wish(self, motion: Motion | None) -> OmniWish:
+        """The stick to the side turns the robot, also where it stands."""
+        if motion is None:
+            return OmniWish(STAND_STILL)
+        return OmniWish(Twist(motion.speed_mps, 0.0, self._config.hand_turn_per_s * motion.steering_rad))
+
+    def _wall_wish(self, state: OdometryState) -> OmniWish:
+        step = self._wall.step(self._points_m, state.odom_from_robot, self._avoided.clearance_ahead_m)
+        self._mission.observed(state.distance_m, step.state is WallState.DONE)
+        return OmniWish(step.twist, self._config.wall_freedom_rad)
+
+    def _path_wish(self, now_s: float, state: OdometryState) -> OmniWish:
+        order = self._mission.order
+        if order is None:
+            return OmniWish(STAND_STILL)
+        if order is not self._order or self._path is None:
+            self._order = order
+            self._path = OmniPathFollower(self._config.path, order.path)
+        step = self._path.step(now_s, state.odom_from_robot)
+        if step.state in {PathState.DONE, PathState.LOST}:
+            self._mission.path_ended(order)
+        return OmniWish(step.twist, self._config.path_freedom_rad)
+
+
+def warm_up_omni(omni: OmniGeometry, config: OmniControlConfig, geometry: ScanGeometry) -> None:
+    """Compile every kernel of the control by following the wall of a narrow imaginary yard."""
+    mission, odometry = Mission(MissionConfig()), Odometry(OdometryConfig(), omni)
+    mission.handle(Start(), 0.0)
+    pilot = OmniPilot(omni, config, mission, odometry)
+    ranges_m = np.full(_WARM_UP_BEAMS, 0.6, np.float32)
+    ranges_m[::7] = np.nan
+    for i in range(_WARM_UP_STEPS):
+        now_s = 0.1 * i
+        turn_radps = 2.5 if i < _WARM_UP_STEPS // 2 else 0.0  # the look round comes first
+        odometry.update(OmniCount(now_s, (i, i, i)), ImuSample(now_s, (0.0, 0.0, turn_radps), (0.0, 0.0, 9.81)))
+        pilot.take_scan(RawScan(now_s, ranges_m), geometry)
+        pilot.step(now_s, may_move=True)
