@@ -378,7 +378,7 @@ def crowd_share(crowd: I32, i: int, j: int) -> float:
 
 
 @njit(nogil=True, cache=True, **UNCOUNTED)
-def _is_smooth(inverse: F32, i: int, j: int, di: int, dj: int, noise: float) -> bool:
+def is_smooth(inverse: F32, i: int, j: int, di: int, dj: int, noise: float) -> bool:
     """Whether SMOOTH_CELLS cells from (i, j) on lie on a line in inverse depth; a plane's is linear in the image."""
     last = SMOOTH_CELLS - 1
     k, m = i + di * last, j + dj * last
@@ -398,7 +398,7 @@ def _is_smooth_area(inverse: F32, i: int, j: int, di: int, dj: int, noise: float
     """Whether a surface from (i, j) on is smooth across too: no slot."""
     reach = SMOOTH_CELLS // 2
     across_i, across_j = i + reach * (di - abs(dj)), j + reach * (dj - abs(di))
-    smooth: bool = _is_smooth(inverse, i, j, di, dj, noise) and _is_smooth(
+    smooth: bool = is_smooth(inverse, i, j, di, dj, noise) and is_smooth(
         inverse, across_i, across_j, abs(dj), abs(di), noise
     )
     return smooth
@@ -407,8 +407,8 @@ def _is_smooth_area(inverse: F32, i: int, j: int, di: int, dj: int, noise: float
 @njit(nogil=True, cache=True, **UNCOUNTED)
 def _is_speckle(inverse: F32, i: int, j: int, di: int, dj: int, noise: float) -> bool:
     """Whether nothing smooth goes from (i, j) on away from (di, dj), nor to either side of that way."""
-    smooth: bool = _is_smooth(inverse, i, j, -di, -dj, noise) or _is_smooth(inverse, i, j, dj, di, noise)
-    return not (smooth or _is_smooth(inverse, i, j, -dj, -di, noise))
+    smooth: bool = is_smooth(inverse, i, j, -di, -dj, noise) or is_smooth(inverse, i, j, dj, di, noise)
+    return not (smooth or is_smooth(inverse, i, j, -dj, -di, noise))
 
 
 @njit(nogil=True, cache=True, **UNCOUNTED)

@@ -38,6 +38,12 @@ class EdgeConfig:
     min_curve_m: float = 0.06  # smaller edges are noise,
     min_curve_cells: float = 6.0  # and so are those of fewer cells of `stride_px`,
     max_roughness: float = 0.42  # and those that bend everywhere: the mean of 1 + cos of the angle at each point
+    # Beyond this range, where depth is noisy, curves are noise whose points hang together more loosely than so many
+    # cells: too far apart in the image and off in depth; and at any range those that are more loose and ragged than so
+    # many and on no smooth surface's rim.
+    loose_range_m: float = 2.1
+    max_looseness: float = 1.9
+    max_raggedness: float = 2.1
     # Where edges cover more of a neighbourhood than this, as in the L515's speckle, a curve may bend so much less.
     crowd_share: float = 0.20
     speckle_share: float = (
@@ -97,6 +103,7 @@ class RefineConfig:
     connection_reach_m: float = 0.06  # q_x = q_y = q_z
     loop_step_m: float = 0.015  # of the points that are looked at along what would close a loop
     connection_step_m: float = 0.04  # of the points that are looked at along a connection
+    follow_cells: float = 2.0  # a stretch of a curve that is farther from all connections is drawn after all
     narrow_cells: float = 4.0  # an outline no wider than this, and four times as long at least, is drawn as a line
     most_nodes: int = 99  # "less than 100" in the paper: what looks smallest is left out
 

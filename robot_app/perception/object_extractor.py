@@ -36,7 +36,7 @@ class ObjectExtractor:
         self._knows_curves = learner is None
         self.cloud = EdgeCloud(config.edges, intrinsics, mount)
         self.network = Network(config.learning.max_nodes)
-        self._refiner = Refiner(config.refine, config.learning.max_nodes)
+        self._refiner = Refiner(config.refine, config.learning.max_nodes, config.edges.max_samples)
 
     def extract(self, image: DepthImage) -> ObjectNetwork:
         """The outlines of what `image` shows, robot frame. Raises ValueError when its size is not the camera's."""

@@ -64,6 +64,7 @@ class EdgeCloud:
         self.sample_m, self.sample_weight = tracer.sample_m, tracer.sample_weight
         self.sample_curve = tracer.sample_curve
         self.curve_group, self.curve_extent_m, self.curve_detail = tracer.group, tracer.extent_m, tracer.detail
+        self.curve_closed = tracer.closed
         self._inverse = np.zeros((rows, columns), np.float32)
         self._bend, self._shift, self._edge_q = np.zeros((3, 2, rows, columns), np.float32)
         self._pair = np.zeros(rows * columns, np.float32)
@@ -215,5 +216,5 @@ class EdgeCloud:
 
     def _choose_samples(self) -> None:
         tracer = self._tracer
-        tracer.update(self.edge_m, self.edge_at, self._crowd, self.lens, self.stride, self.cell_width)
+        tracer.update(self.edge_m, self.edge_at, self._crowd, self._inverse, self.lens, self.stride, self.cell_width)
         self.samples = tracer.samples

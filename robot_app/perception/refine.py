@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_app.perception.completion import _kernels as completion
 from robot_app.perception.config import RefineConfig
 from robot_app.perception.learner import Network
 from robot_app.perception.point_cloud import EdgeCloud
@@ -21,13 +22,15 @@ _Evidence = tuple[_F64, int, float, float, _F32, _I32]
 class Refiner:
     """Turns what was learned into outlines worth sending; its memory is allocated when it is made."""
 
-    def __init__(self, config: RefineConfig, max_nodes: int) -> None:
+    def __init__(self, config: RefineConfig, max_nodes: int, max_samples: int) -> None:
         self._config = config
         self._beside = np.zeros((max_nodes, kernels.MOST), np.int32)
         self._degree = np.zeros(max_nodes, np.int32)
         self._angle = np.zeros(max_nodes, np.float32)
         self._ends, self._member = np.zeros((2, max_nodes), np.int32)
         self._start = np.zeros(max_nodes + 1, np.int32)
+        self._covered = np.zeros(max_samples, np.uint8)
+        self._pile = np.zeros(completion.DEEPEST + 1, np.int32)
 
     def find_curves(self, network: Network, cloud: EdgeCloud) -> None:
         """For what a learner made that does not ask for curves: nodes belong to the curve of the nearest sample."""
@@ -38,6 +41,7 @@ class Refiner:
     def refine(self, network: Network, cloud: EdgeCloud) -> None:
         """Work on `network`, which was learned from `cloud`."""
         kernels.list_neighbours(network.linked, network.nodes, self._beside, self._degree)
+        self._complete(network, cloud)
         self._remove_ground(network, cloud)
         self._reduce_straight(network, cloud, keep_near_open_m=self._config.loop_reach_m)
         self._close_loops(network, cloud)
@@ -64,6 +68,31 @@ class Refiner:
         config = self._config
         step_m = config.connection_step_m if step_m is None else step_m
         return cloud.lens, cloud.stride, config.connection_reach_m, step_m, cloud.edge_m, cloud.edge_at
+
+    def _complete(self, network: Network, cloud: EdgeCloud) -> None:
+        """Beyond the paper: nodes keep the lengths of table 3 apart, and a connection that does not lie on edges is not
+        made, so stretches of a curve may be left out: they are drawn with as many nodes as they need."""
+        config = self._config
+        network.nodes = completion.complete(
+            cloud.sample_m,
+            cloud.sample_curve,
+            cloud.samples,
+            cloud.curve_closed,
+            cloud.curve_detail,
+            config.follow_cells * cloud.cell_width,
+            config.min_connection_m,
+            *self._evidence(cloud),
+            network.node_m,
+            network.node_curve,
+            network.node_weight,
+            self._beside,
+            self._degree,
+            network.nodes,
+            self._ends,
+            self._member,
+            self._covered,
+            self._pile,
+        )
 
     def _remove_ground(self, network: Network, cloud: EdgeCloud) -> None:
         """Section 3.2.1, eqs 24 and 25.

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_app.perception.config import EdgeConfig
+from robot_app.perception.curves.sampling import _kernels as sampling
 from robot_app.perception.curves.tracing import _kernels as kernels
 
 
@@ -32,7 +33,7 @@ class CurveTracer:
         self._curve = np.zeros(cells, np.int32)
         self._order = np.zeros(cells, np.int32)
         self._start = np.zeros(cells + 1, np.int32)
-        self._closed = np.zeros(cells, np.uint8)
+        self.closed = np.zeros(cells, np.uint8)
         self._path_m, self._smooth_m, self._corner_m = np.zeros((3, cells, 3), np.float32)
         self._score = np.zeros(cells, np.float32)
         self._arc_m = np.zeros(cells, np.float32)
@@ -50,13 +51,15 @@ class CurveTracer:
         edge_m: NDArray[np.float32],
         edge_at: NDArray[np.int32],
         crowd: NDArray[np.int32],
+        inverse: NDArray[np.float32],
         lens: NDArray[np.float64],
         stride: int,
         cell_width: float,
     ) -> None:
-        """Take curves and samples from the edge points; arguments as in `EdgeCloud`; `crowd`: of `count_crowd`."""
+        """Take curves and samples from the edge points; arguments as in `EdgeCloud`; `crowd`: of `count_crowd`,
+        `inverse`: of `mark_floor`."""
         self._trace(edge_m, edge_at, lens, stride, cell_width)
-        self._choose_samples(crowd, cell_width)
+        self._choose_samples(crowd, inverse, cell_width)
 
     def drop_short(
         self,
@@ -90,16 +93,16 @@ class CurveTracer:
             ends = kernels.list_ends(self._beside, points, self._ends, self._tail)
             kernels.join_ends(*image, self._ends, ends, self._tail, self._wanted, self._beside)
         self.points = points
-        self.curves = kernels.trace(points, self._beside, self._curve, self._order, self._start, self._closed)
+        self.curves = kernels.trace(points, self._beside, self._curve, self._order, self._start, self.closed)
 
-    def _choose_samples(self, crowd: NDArray[np.int32], cell_width: float) -> None:
+    def _choose_samples(self, crowd: NDArray[np.int32], inverse: NDArray[np.float32], cell_width: float) -> None:
         config, curves = self._config, self.curves
-        paths = self._order, self._start, self._closed
-        kernels.lay_out(self._point_m, *paths, curves, cell_width, self._path_m)
-        kernels.smooth(
+        paths = self._order, self._start, self.closed
+        sampling.lay_out(self._point_m, *paths, curves, cell_width, self._path_m)
+        sampling.smooth(
             self._path_m,
             self._start,
-            self._closed,
+            self.closed,
             curves,
             config.corner_arm_points,
             self._smooth_m,
@@ -107,10 +110,11 @@ class CurveTracer:
             self._score,
             self._arc_m,
         )
-        kernels.measure(
+        sampling.measure(
             self._smooth_m,
             self._score,
             self._order,
+            self._point_m,
             self._point_uv,
             self._start,
             curves,
@@ -119,6 +123,11 @@ class CurveTracer:
             config.min_curve_m,
             config.min_curve_cells,
             config.max_roughness,
+            inverse,
+            config.depth_noise,
+            config.max_looseness,
+            config.loose_range_m,
+            config.max_raggedness,
             cell_width,
             config.detail_curve_m,
             config.max_detail,
@@ -136,13 +145,13 @@ class CurveTracer:
             cell_width,
             self.group,
         )
-        self.samples = kernels.choose_samples(
+        self.samples = sampling.choose_samples(
             self._corner_m,
             self._smooth_m,
             self._score,
             self._arc_m,
             self._start,
-            self._closed,
+            self.closed,
             curves,
             self.extent_m,
             self.detail,

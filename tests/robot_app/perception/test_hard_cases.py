@@ -82,32 +82,30 @@ def test_the_ragged_shadow_of_the_l515_at_an_edge_changes_little(world) -> None:
     assert np.abs(depths_m(network) - 1.2).max() < 0.1
 
 
-def test_speckles_with_holes_between_them_give_no_large_outlines(world) -> None:
+def drawn_m(network: ObjectNetwork) -> float:
+    """The length of all connections."""
+    return float(np.linalg.norm(np.diff(network.nodes_m[network.edges], axis=1), axis=2).sum())
+
+
+@pytest.mark.parametrize("seed", [5, 6])
+def test_speckles_with_holes_between_them_give_hardly_a_line(world, seed: int) -> None:
     """As on black carpet: patches of a few pixels at two depths, and nothing between them."""
-    rng = np.random.default_rng(5)
-    patches = rng.random((120, 160))
+    patches = np.random.default_rng(seed).random((120, 160))
     depth_m = np.select([patches < 0.5, patches < 0.7], [0.0, 1.5], 1.9).repeat(4, axis=0).repeat(4, axis=1)
     network = extracted(world, depth_m)
-    lengths_m = np.linalg.norm(network.nodes_m[network.edges[:, 0]] - network.nodes_m[network.edges[:, 1]], axis=1)
-    assert len(network.nodes_m) <= 200
     assert np.isfinite(network.nodes_m).all()
-    assert lengths_m.max() < 0.3
+    assert drawn_m(network) < 2.0
 
 
-def box_in_speckle(seed: int) -> np.ndarray:
-    """A box at 1.2 m; round it patches, nearer, deeper or without a value, as the L515 gives them on metal."""
-    rng = np.random.default_rng(seed)
-    shape = (480 // 6, 640 // 6 + 1)
-    patches_m = np.where(rng.random(shape) < 0.35, 0.0, rng.uniform(0.9, 1.9, shape))
-    depth_m = patches_m.repeat(6, axis=0).repeat(6, axis=1)[:, :640]
-    depth_m[150:330, 220:420] = 1.2
-    return depth_m
-
-
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_a_smooth_box_in_speckle_is_outlined_with_its_corners(world, seed: int) -> None:
-    network = extracted(world, noise(box_in_speckle(seed)))
-    assert corners_missed_m(world, network) < 0.04
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_noisy_band_beside_something_smooth_has_one_line_between_them(world, seed: int) -> None:
+    """As the L515 gives what hardly reflects: patches of a few pixels that are some centimetres off."""
+    patches_m = np.random.default_rng(seed).normal(0.0, 0.02, (30, 92)).repeat(7, axis=0).repeat(7, axis=1)
+    depth_m = np.full((480, 640), 0.95)
+    depth_m[:200] = np.linspace(0.75, 0.85, 200)[:, None] + patches_m[:200, :640]
+    network = extracted(world, noise(depth_m))
+    width_m = 0.85 * 640 / world.intrinsics.fx
+    assert 0.5 * width_m < drawn_m(network) < 1.5 * width_m
 
 
 @pytest.mark.parametrize("depth_m", [0.0, 0.3, 1.0, 20.0])

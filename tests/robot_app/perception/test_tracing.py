@@ -16,6 +16,7 @@ STRIDE = 4
 CELL_WIDTH = STRIDE / 457.0
 ROWS, COLUMNS = 120, 160
 CROWD = np.zeros((33, 43), np.int32)  # a quiet neighbourhood
+EMPTY = np.zeros((ROWS, COLUMNS), np.float32)  # no surface
 
 Points = list[tuple[float, float, float]]
 
@@ -41,7 +42,7 @@ def line(*corners_m: tuple[float, float, float]) -> np.ndarray:
 
 def traced(*lines_m: np.ndarray, config: EdgeConfig | None = None) -> CurveTracer:
     tracer = CurveTracer(config or EdgeConfig(), ROWS, COLUMNS)
-    tracer.update(*cells_of(np.concatenate(lines_m)), CROWD, LENS, STRIDE, CELL_WIDTH)
+    tracer.update(*cells_of(np.concatenate(lines_m)), CROWD, EMPTY, LENS, STRIDE, CELL_WIDTH)
     return tracer
 
 
@@ -126,7 +127,7 @@ def test_samples_stay_within_their_bound_and_reach_all_curves() -> None:
 
 def test_no_edges_give_no_samples_after_some() -> None:
     tracer = traced(line(*SQUARE))
-    tracer.update(*cells_of(np.zeros((0, 3))), CROWD, LENS, STRIDE, CELL_WIDTH)
+    tracer.update(*cells_of(np.zeros((0, 3))), CROWD, EMPTY, LENS, STRIDE, CELL_WIDTH)
     assert tracer.samples == 0
     assert tracer.curves == 0
 

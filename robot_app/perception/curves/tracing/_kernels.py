@@ -1,4 +1,4 @@
-"""Kernels that thread edge points onto curves and choose sample nodes along them.
+"""Kernels that thread edge points onto curves.
 
 Shared arguments, besides those of `perception._kernels`
 point_m: (E, 3) float32, the edge points that are no doubles, row by row of the image. point_uv: (E, 2) float32, where
@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from robot_app.perception._kernels import UNCOUNTED, crowd_share
+from robot_app.perception._kernels import UNCOUNTED
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -28,7 +28,6 @@ DOUBLE_CELLS = 0.6  # two edge points so near each other are one
 NEAR_CELLS = 2  # how far the next point of a curve may be
 END_CELLS = 4  # and how far the next piece of an edge that has a gap
 MEET_CELLS = 6  # how far ahead of its end a curve may meet another
-FEW_POINTS = 3
 STEEPEST = 8.0  # how far the next point may lie for each cell in the image, on an edge that runs into the depth,
 LEVEL = 1.0  # and by how many cells a cell the way there and the way back may differ in depth
 SHARPEST = 0.35  # cosine between the ways on from a point of a curve; sharper bends end it
@@ -272,139 +271,6 @@ def trace(points: int, beside: I32, curve: I32, order: I32, start: I32, closed: 
 
 
 @njit(nogil=True, cache=True, **UNCOUNTED)
-def lay_out(point_m: F32, order: I32, start: I32, closed: U8, curves: int, cell_width: float, path_m: F32) -> None:
-    """`path_m`: (E, 3) the points in the order of the curves, those that jump out and back again moved in between.
-
-    So does a pixel on an edge that mixes what is near with what is far.
-    """
-    for curve in range(curves):
-        first, size = start[curve], start[curve + 1] - start[curve]
-        for k in range(size):
-            p = order[first + k]
-            for axis in range(3):
-                path_m[first + k, axis] = point_m[p, axis]
-            if size < 3 or (closed[curve] == 0 and (k == 0 or k == size - 1)):
-                continue
-            a, b = order[first + (k - 1) % size], order[first + (k + 1) % size]
-            square = 0.0
-            for axis in range(3):
-                square += (point_m[p, axis] - 0.5 * (point_m[a, axis] + point_m[b, axis])) ** 2
-            if square > (1.25 * cell_width * point_m[p, 2]) ** 2:
-                for axis in range(3):
-                    path_m[first + k, axis] = 0.5 * (point_m[a, axis] + point_m[b, axis])
-
-
-@njit(nogil=True, cache=True, **UNCOUNTED)
-def _mean(path_m: F32, first: int, size: int, low: int, high: int, axis: int) -> float:
-    total = 0.0
-    for k in range(low, high + 1):
-        total += path_m[first + k % size, axis]
-    return total / (high - low + 1)
-
-
-@njit(nogil=True, cache=True, **UNCOUNTED)
-def smooth(
-    path_m: F32, start: I32, closed: U8, curves: int, arm: int, smooth_m: F32, corner_m: F32, score: F32, arc_m: F32
-) -> None:
-    """In the order of the curves, from the means of up to `arm` points before and after each:
-
-    `smooth_m` (E, 3) the mean of all of them, `corner_m` (E, 3) where the two sides meet if they are straight,
-    `score` (E,) how sharply: 1 at ends and right angles, 0 in the middle of a straight edge, and `arc_m` (E,) the
-    length of the curve up to there.
-    """
-    for curve in range(curves):
-        first, size = start[curve], start[curve + 1] - start[curve]
-        for k in range(size):
-            reach = arm if closed[curve] == 1 else min(arm, k, size - 1 - k)
-            reach = min(reach, (size - 1) // 2)
-            score[first + k] = 1.0
-            if reach < 2:
-                for axis in range(3):
-                    corner_m[first + k, axis] = smooth_m[first + k, axis] = path_m[first + k, axis]
-                if closed[curve] == 0 and 0 < k < size - 1:
-                    score[first + k] = 0.25
-                continue
-            # Straight sides u and v from corner c: their means are c + (reach + 1) / 2 of each, that of the middle
-            # three points is c + (u + v) / 3.
-            back = 1.0 / (0.75 * (reach + 1) - 1.0)
-            dot, square_a, square_b = 0.0, 0.0, 0.0
-            for axis in range(3):
-                before = _mean(path_m, first, size, k - reach, k - 1, axis)
-                after = _mean(path_m, first, size, k + 1, k + reach, axis)
-                middle = _mean(path_m, first, size, k - 1, k + 1, axis)
-                smooth_m[first + k, axis] = (reach * (before + after) + path_m[first + k, axis]) / (2 * reach + 1)
-                corner = middle - back * (0.5 * (before + after) - middle)
-                corner_m[first + k, axis] = corner
-                dot += (before - corner) * (after - corner)
-                square_a += (before - corner) ** 2
-                square_b += (after - corner) ** 2
-            norm = math.sqrt(square_a * square_b)
-            score[first + k] = min(1.0, 1.0 + dot / norm) if norm > 0.0 else 1.0
-        arc = 0.0
-        for k in range(size):
-            if k > 0:
-                square = 0.0
-                for axis in range(3):
-                    square += (smooth_m[first + k, axis] - smooth_m[first + k - 1, axis]) ** 2
-                arc += math.sqrt(square)
-            arc_m[first + k] = arc
-
-
-@njit(nogil=True, cache=True, **UNCOUNTED)
-def _extent_m(place_m: F32, first: int, last: int) -> float:
-    """The diagonal of the box round places first to last."""
-    square = 0.0
-    for axis in range(3):
-        low, high = place_m[first, axis], place_m[first, axis]
-        for k in range(first + 1, last):
-            low, high = min(low, place_m[k, axis]), max(high, place_m[k, axis])
-        square += (high - low) ** 2
-    return math.sqrt(square)
-
-
-@njit(nogil=True, cache=True, **UNCOUNTED)
-def measure(
-    smooth_m: F32,
-    score: F32,
-    order: I32,
-    point_uv: F32,
-    start: I32,
-    curves: int,
-    crowd: I32,
-    quiet_share: float,
-    min_extent_m: float,
-    min_cells: float,
-    max_roughness: float,
-    cell_width: float,
-    detail_extent_m: float,
-    max_detail: float,
-    extent_m: F32,
-    detail: F32,
-) -> None:
-    """`extent_m`: (K,) the diagonal of the box round each curve; 0 for those that are noise.
-
-    `crowd`: as `count_crowd` fills it; where it is denser than `quiet_share`, curves must be smoother in proportion.
-
-    `detail`: (K,) 1 for curves of `detail_extent_m` and more; smaller ones are drawn finer in proportion.
-    """
-    for curve in range(curves):
-        first, last = start[curve], start[curve + 1]
-        extent_m[curve] = 0.0 if last - first < FEW_POINTS else _extent_m(smooth_m, first, last)
-        if extent_m[curve] < max(min_extent_m, min_cells * cell_width * smooth_m[(first + last) // 2, 2]):
-            extent_m[curve] = 0.0
-        share = 0.0
-        for k in range(first, last):
-            a = order[k]
-            share += crowd_share(crowd, int(point_uv[a, 1]), int(point_uv[a, 0])) / (last - first)
-        sharpness, inner = 0.0, last - first - 4
-        for k in range(first + 2, last - 2):
-            sharpness += score[k]
-        if inner > 2 and sharpness * max(share, quiet_share) > max_roughness * quiet_share * inner:
-            extent_m[curve] = 0.0
-        detail[curve] = min(max(1.0, detail_extent_m / max(extent_m[curve], 1e-3)), max_detail)
-
-
-@njit(nogil=True, cache=True, **UNCOUNTED)
 def _root(parent: I32, a: int) -> int:
     while parent[a] != a:
         parent[a] = parent[parent[a]]
@@ -505,69 +371,3 @@ def group_curves(
                         group[max(ra, rb)] = min(ra, rb)
     for k in range(curves):
         group[k] = _root(group, k)
-
-
-@njit(nogil=True, cache=True, **UNCOUNTED)
-def choose_samples(
-    corner_m: F32,
-    smooth_m: F32,
-    score: F32,
-    arc_m: F32,
-    start: I32,
-    closed: U8,
-    curves: int,
-    extent_m: F32,
-    detail: F32,
-    full_extent_m: float,
-    corner_gain: float,
-    spacing_m: float,
-    limit: int,
-    sample_m: F32,
-    sample_weight: F32,
-    sample_curve: I32,
-) -> int:
-    """The sample nodes A: ends, corners and points at equal distances along the curves; returns how many.
-
-    A corner is the highest score within three points of it. The samples of small curves lie closer, by their `detail`,
-    and so do the nodes that are learned from them.
-    """
-    wanted = 0.0
-    for curve in range(curves):
-        if extent_m[curve] > 0.0:
-            wanted += 3.0 + arc_m[start[curve + 1] - 1] * detail[curve] / spacing_m
-    spacing_m = spacing_m * max(1.0, wanted / (0.9 * limit))
-    count = 0
-    for curve in range(curves):
-        if extent_m[curve] == 0.0:
-            continue
-        first, size = start[curve], start[curve + 1] - start[curve]
-        share = min(1.0, extent_m[curve] / full_extent_m)
-        size_weight = max(share * share * share, 0.02)
-        last_arc = -1e9
-        for k in range(size):
-            here = score[first + k]
-            corner = here > 0.3
-            if corner:
-                for step in range(-3, 4):
-                    other = k + step
-                    if closed[curve] == 1:
-                        other %= size
-                    elif other < 0 or other >= size:
-                        continue
-                    if score[first + other] > here or (step < 0 and score[first + other] == here):
-                        corner = False
-            end = closed[curve] == 0 and (k == 0 or k == size - 1)
-            if not corner and not end and arc_m[first + k] - last_arc < spacing_m / detail[curve]:
-                continue
-            if count >= limit:
-                return count
-            last_arc = arc_m[first + k]
-            for axis in range(3):
-                sample_m[count, axis] = corner_m[first + k, axis] if corner or end else smooth_m[first + k, axis]
-            if corner or end:
-                sample_weight[count] = (1.0 + corner_gain * here) * size_weight
-            else:
-                sample_weight[count] = (1.0 + corner_gain * min(here, 0.2)) * size_weight
-            sample_curve[count] = curve
-            count += 1
-    return count

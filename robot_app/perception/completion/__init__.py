@@ -1,0 +1,1 @@
+"""What learning has left out of a curve, drawn after all."""

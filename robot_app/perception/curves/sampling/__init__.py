@@ -1,0 +1,1 @@
+"""Curves smoothed, judged and sampled."""
