@@ -17,7 +17,7 @@ class LatticeConfig:
     cell_m: float = 0.05
     max_states: int = 12_000_000  # the search's cells grow with the map beyond this
     expansions: int = 8_000  # for a way that is cheaper than one that is known
-    max_expansions: int = 100_000  # for any way
+    max_expansions: int = 50_000  # for any way: what these do not find would take longer than half a second
     pocket: int = 20_000  # poses: a goal that is joined to fewer, and not to the start, is refused at once
     batch: int = 500  # between two looks at the clock, which are some 5 ms apart then
 
