@@ -17,7 +17,7 @@ MOST_BITMAP_BYTES = WINDOW // 8
 
 @dataclass(slots=True)
 class Segment:
-    """`left_s`: when its path had carried it away, None while it is on its way or waits to be sent again."""
+    """`left_s`: when its path had last carried it away, None while it is on its way."""
 
     seq: int
     data: bytes
@@ -95,13 +95,13 @@ class SegmentSender:
 
     def settle(self, left_before_s: float) -> list[Segment]:
         """What had left before then and is still not acknowledged is lost; those of which that is news."""
-        lost = [s for s in self._kept.values() if s.left_s is not None and s.left_s <= left_before_s]
+        lost = [s for s in self._kept.values() if not s.waits and s.left_s is not None and s.left_s <= left_before_s]
         for segment in lost:
             self._lose(segment)
         return lost
 
     def _lose(self, segment: Segment) -> None:
-        segment.left_s, segment.waits = None, True
+        segment.waits = True
         self._lost.append(segment.seq)
 
 
@@ -138,14 +138,12 @@ class SegmentReceiver:
             self.base += 1
         return ready
 
-    def acknowledgement(self, most_bytes: int = MOST_BITMAP_BYTES) -> tuple[int, bytes]:
+    def acknowledgement(self) -> tuple[int, bytes]:
         """The lowest byte of the base, and the bitmap of what came above it, as long as it must be."""
-        length = min(most_bytes, (max(0, self._after_highest - self.base - 1) + 7) // 8)
-        bitmap = bytearray(length)
+        bitmap = bytearray((max(0, self._after_highest - self.base - 1) + 7) // 8)
         for seq in self._held:
             at = seq - self.base - 1
-            if at < 8 * length:
-                bitmap[at // 8] |= 1 << at % 8
+            bitmap[at // 8] |= 1 << at % 8
         return self.base & 0xFF, bytes(bitmap)
 
 

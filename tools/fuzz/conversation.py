@@ -73,7 +73,7 @@ class _Pair:
                 side.lanes.queue(self._sent[side].to_bytes(4, "little") + bytes(size), Lane.BULK, 0)
                 self._sent[side] += 1
             for turn in (False, True):
-                packet = side.next_packet(0, turn, report=turn)
+                packet = side.next_packet(0, turn=turn)
                 if packet is None:
                     continue
                 self._remember(packet.data)

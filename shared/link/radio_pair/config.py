@@ -23,8 +23,7 @@ class PairConfig:
     most_answers: int = 4  # packets of the station's in one turn
     bulk_limit_bytes: int = 2_048  # what may wait in a lane; a single datagram may be longer
     ahead_bytes: int = 100  # handed over ahead of time: what follows is the newest there is
-    suspect_losses: int = 8  # one after the other on one radio, or …
-    suspect_turns: int = 3  # … turns: then the other carries all
+    suspect_losses: int = 8  # one after the other on one radio: then the other carries all
     probe_s: float = 1.0  # and this one is tried again so often
     call_after_turns: int = 4  # without any answer: greet again
     call_every_s: float = 0.4

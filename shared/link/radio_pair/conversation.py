@@ -34,6 +34,7 @@ class Packet:
 
     data: bytes
     loads: tuple[Load, ...] = ()
+    announces: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +42,7 @@ class Heard:
     """A good packet. `answer` is to be sent back as it is."""
 
     turn: bool
+    announces: bool = False  # the next packet there says that it is your turn
     fates: tuple[Fate, ...] = ()
     answer: bytes | None = None
     is_new_session: bool = False
@@ -84,17 +86,18 @@ class Conversation:
         assert isinstance(self._greeter, Caller)
         return self._greeter.call()
 
-    def next_packet(self, path: int, turn: bool, report: bool) -> Packet | None:
-        """What is to be sent on a path now; None when there is nothing to say. `turn`: the other side is to answer."""
+    def next_packet(self, path: int, *, turn: bool, announces: bool = False) -> Packet | None:
+        """What is to be sent on a path now; None when there is nothing to say. `turn`: the other side is to answer,
+        and it is told what has come; `announces`: the next one will say so, if this is a segment alone."""
         session = self._session
         if session is None:
             return None
-        filled = self.lanes.fill(self.body_bytes, path, report)
+        filled = self.lanes.fill(self.body_bytes, path, turn)
         if filled is None:
             return None
         if filled.seq is not None:
-            head = head_of(Kind.DATA, turn, filled.seq)
-            return Packet(session.outgoing.seal(head, filled.seq, filled.body), filled.loads)
+            head = head_of(Kind.DATA, announces, filled.seq)
+            return Packet(session.outgoing.seal(head, filled.seq, filled.body), filled.loads, announces)
         return self._items(session, turn, filled.body, filled.loads)
 
     def probe(self) -> Packet | None:
@@ -183,4 +186,5 @@ class Conversation:
             self._session = None
             self.lanes.reset()
             self._greeter.begin_anew()
-        return Heard(turn, tuple(fates), is_new_session=is_new_session)
+        is_data = kind is Kind.DATA
+        return Heard(turn and not is_data, turn and is_data, tuple(fates), is_new_session=is_new_session)

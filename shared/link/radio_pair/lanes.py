@@ -14,7 +14,7 @@ _MOST_DELIVERED = 256  # not fetched; then segments are turned away, and sent ag
 _SMALLEST_CUT_BYTES = 8  # of a new segment at the end of a packet that has other things in it
 _NOW_OUTSTANDING = 8  # of 32 identifiers
 _NOW_REMEMBERED = 16
-_TELL = 2  # times, because the packet with it may be lost
+_TELL = 2  # times, because an answer may come although the question was not heard
 _NOW_SENDINGS = 2  # at once, one on each radio, before anybody could have answered
 
 
@@ -42,6 +42,7 @@ class Fate:
 
     path: int
     arrived: bool
+    left_s: float | None  # when the path had carried it away; None when the answer is here before the path's word
 
 
 @dataclass(slots=True)
@@ -59,7 +60,8 @@ class _Stream:
         self.sender = SegmentSender()
         self.receiver = SegmentReceiver()
         self.assembler = Assembler(most_datagram_bytes)
-        self.acks_left = 0
+        self._is_told = True  # all that has come
+        self._tellings = 0  # … and so often it is to be told to who has not said that it heard
 
     @property
     def can_cut(self) -> bool:
@@ -68,6 +70,16 @@ class _Stream:
     @property
     def has_something(self) -> bool:
         return self.sender.lost is not None or self.can_cut
+
+    @property
+    def has_news(self) -> bool:
+        """More has come than was told."""
+        return not self._is_told
+
+    @property
+    def has_to_tell(self) -> bool:
+        """… than the other side is likely to know."""
+        return self._tellings > 0
 
     def next_segment(self, most_bytes: int, smallest_cut: int) -> Segment | None:
         """A lost segment if it fits, else a new one."""
@@ -87,9 +99,19 @@ class _Stream:
         first = self.receiver.base - BEHIND
         return first + ((low - first) & 0xFF)
 
-    def acknowledgement(self, most_bytes: int) -> bytes:
-        base_low, bitmap = self.receiver.acknowledgement(min(most_bytes, MOST_BITMAP_BYTES))
-        self.acks_left = max(0, self.acks_left - 1)
+    def take(self, seq: int, data: bytes) -> list[bytes]:
+        """What can now be read on."""
+        self._is_told, self._tellings = False, _TELL
+        return self.receiver.take(seq, data)
+
+    def told(self) -> None:
+        """The other side has answered a packet with an acknowledgement, and has probably heard it."""
+        if self._is_told:
+            self._tellings = max(0, self._tellings - 1)
+
+    def acknowledgement(self) -> bytes:
+        base_low, bitmap = self.receiver.acknowledgement()
+        self._is_told = True
         return i.write(i.Acknowledgement(self.lane, base_low, bitmap))
 
 
@@ -187,14 +209,15 @@ class Lanes:
         return sum(map(len, short)) + sum(s.cutter.waiting_bytes + s.sender.lost_bytes for s in self._streams.values())
 
     def fill(self, most_bytes: int, path: int, report: bool) -> Filled | None:
-        """The next packet for a path; None when there is nothing to say. `report`: say in it what has come."""
+        """The next packet for a path; None when there is nothing to say. `report`: say in items what has come, and
+        if it is nothing."""
         loads: list[Load] = []
         body = self._urgent(most_bytes, path, report, loads)
-        if not body:
+        if not body and not report:
             segment = self.bulk.next_segment(most_bytes, 1)
             if segment is not None:
                 return Filled(segment.seq, segment.data, (self._send(self.bulk, segment, path),))
-            return Filled(None, b"", ()) if report else None
+            return None
         self._add_news(body, most_bytes)
         segment = self.bulk.next_segment(most_bytes - len(body) - i.BULK_HEAD_BYTES, _SMALLEST_CUT_BYTES)
         if segment is not None:
@@ -205,11 +228,15 @@ class Lanes:
     def _add_news(self, body: bytearray, most_bytes: int) -> None:
         """What has come since it was told last, where a packet of items goes anyway."""
         for stream in self._streams.values():
-            if stream.acks_left == _TELL and len(body) + 2 + MOST_BITMAP_BYTES <= most_bytes:
-                body += stream.acknowledgement(MOST_BITMAP_BYTES)
+            if stream.has_news and len(body) + 2 + MOST_BITMAP_BYTES <= most_bytes:
+                body += stream.acknowledgement()
 
     def _urgent(self, most_bytes: int, path: int, report: bool, loads: list[Load]) -> bytearray:
         body = bytearray()
+        if report:  # first, because what is left out of it counts as lost
+            for stream in self._streams.values():
+                if stream.has_to_tell:
+                    body += stream.acknowledgement()
         if self._says_goodbye:
             body += i.write(i.Goodbye())
             self._says_goodbye = False
@@ -219,10 +246,6 @@ class Lanes:
                 body += i.write(i.Now(identifier, now.datagram))
         while self._now_to_confirm and len(body) < most_bytes:
             body += i.write(i.NowHasCome(self._now_to_confirm.pop(0)))
-        if report:
-            for stream in self._streams.values():
-                if stream.acks_left and len(body) + 2 <= most_bytes:
-                    body += stream.acknowledgement(most_bytes - len(body) - 2)
         self._add_commands(body, most_bytes, path, loads)
         for slot in list(self._newest):
             if len(body) + i.SHORT_HEAD_BYTES + len(self._newest[slot]) <= most_bytes:
@@ -254,7 +277,7 @@ class Lanes:
     def settle(self, left_before_s: float) -> list[Fate]:
         """The other side has told what it has: what had left before then and is not in it was lost."""
         fates = [
-            Fate(segment.path, arrived=False)
+            Fate(segment.path, False, segment.left_s)
             for stream in self._streams.values()
             for segment in stream.sender.settle(left_before_s)
         ]
@@ -262,17 +285,21 @@ class Lanes:
             now.sendings_left = max(1, now.sendings_left)
         return fates
 
+    def told(self) -> None:
+        """The other side has answered. Who answers never knows that it was heard, and tells the same each time."""
+        for stream in self._streams.values():
+            stream.told()
+
     # ---- what has come
 
     def take_segment(self, lane: Lane, seq: int, data: bytes) -> None:
         """Raises `StreamError` when the stream makes no sense."""
         stream = self._streams[lane]
-        stream.acks_left = _TELL
         if len(self.delivered) >= _MOST_DELIVERED:
             self.statistics.turned_away += 1
             return
         before = stream.receiver.duplicates
-        for segment in stream.receiver.take(seq, data):
+        for segment in stream.take(seq, data):
             self.statistics.read_segments += 1
             for datagram in stream.assembler.feed(segment):
                 self._deliver(datagram)
@@ -292,7 +319,7 @@ class Lanes:
             case i.Acknowledgement():
                 news = self._streams[item.lane].sender.acknowledge(item.base_low, item.bitmap)
                 self.statistics.acknowledged_bytes += sum(len(segment.data) for segment in news)
-                return [Fate(segment.path, arrived=True) for segment in news]
+                return [Fate(segment.path, True, segment.left_s) for segment in news]
             case i.SegmentItem():
                 self.take_segment(item.lane, self._streams[item.lane].expand(item.seq_low), item.data)
             case i.Now():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import secrets
 import threading
 from collections import deque
@@ -188,9 +189,10 @@ class RadioPair:
             self._is_connected()
 
     def due_s(self) -> float:
-        """Without threads: when `step` is due although no byte has come."""
+        """Without threads: when `step` is due although no byte has come; what is overdue waits for a module."""
         now_s = self._clock.now_s()
-        return min(self._turns.due_s(i, now_s) for i in range(len(self._pumps)))
+        due_s = (self._turns.due_s(i, now_s) for i in range(len(self._pumps)))
+        return min((d for d in due_s if d > now_s), default=math.inf)
 
     def close(self) -> None:
         with self._changed:

@@ -16,6 +16,7 @@ from shared.link.radio_pair.config import PairConfig, Timing
 from shared.link.radio_pair.conversation import Conversation, Heard, Packet
 from shared.link.radio_pair.lanes import Fate
 
+_UNHEARD_S = 0.01  # so much later than the latest usual a question is answered that was announced and not heard
 _SERIAL_JITTER_S = 0.02  # by so much the OKs of two radios may be apart from what happened in the air
 
 
@@ -62,9 +63,11 @@ class _Asking:
     deadline_s: float = math.inf  # for its answer
     question_sent_s: float = math.inf
     not_before_s: float = 0.0
+    has_announced: bool = False  # that the next packet is a question
     answers: int = 0  # to it, so far
     unanswered: int = 0
     losses: int = 0  # one after the other
+    arrived_s: float = -math.inf  # when what is known to have arrived had left
     probe_at_s: float | None = None  # it is suspect, and tried again then
 
 
@@ -88,7 +91,7 @@ class AskingTurns:
     def set_up(self, radio: int, is_up: bool, now_s: float) -> None:
         state = self._radios[radio]
         state.is_up = is_up
-        state.question, state.deadline_s = None, math.inf
+        state.question, state.deadline_s, state.has_announced = None, math.inf, False
         if not is_up and radio == self._turn_radio:
             self._turn_elsewhere(radio)
 
@@ -104,9 +107,13 @@ class AskingTurns:
                 return None
             state.probe_at_s = now_s + self._config.probe_s
             return self._ask(state, self._question(radio, probes=True))
-        if radio == self._turn_radio and now_s + self._lead_s() >= self._next_turn_s():
+        wait_s = self._next_turn_s() - now_s - self._lead_s() if radio == self._turn_radio else math.inf
+        if state.has_announced or wait_s <= 0.0:
+            state.has_announced = False
             return self._ask(state, self._question(radio))
-        return self._conversation.next_packet(radio, turn=False, report=False)
+        packet = self._conversation.next_packet(radio, turn=False, announces=wait_s <= self._timing.slot_s)
+        state.has_announced = packet is not None and packet.announces
+        return packet
 
     def due_s(self, radio: int, now_s: float) -> float:
         state = self._radios[radio]
@@ -126,6 +133,11 @@ class AskingTurns:
         goes with whichever is nearer to its time."""
         return 1.5 * self._timing.slot_s if self._conversation.lanes.has_something else 0.0
 
+    def _announcing_s(self) -> float:
+        """So much later the next question is due than it could be, so that it can be announced: one more that is not
+        heard costs about as much time, and the air as well."""
+        return 2.0 * self._timing.slot_s if self._conversation.lanes.has_something else 0.0
+
     def _next_turn_s(self) -> float:
         lanes, config = self._conversation.lanes, self._config
         if lanes.has_something:
@@ -141,7 +153,7 @@ class AskingTurns:
         if self._unanswered >= self._config.call_after_turns and self._unanswered % 2 == 0:
             self.statistics.calls += 1
             return Packet(self._conversation.call())
-        return self._conversation.probe() if probes else self._conversation.next_packet(radio, turn=True, report=True)
+        return self._conversation.probe() if probes else self._conversation.next_packet(radio, turn=True)
 
     def _call(self, radio: int, state: _Asking, now_s: float) -> Packet | None:
         others = any(r.question is not None for r in self._radios)
@@ -171,7 +183,7 @@ class AskingTurns:
         state = self._radios[radio]
         if state.question is packet:
             state.question, state.deadline_s = None, math.inf
-            self._retry_s = now_s + self._config.retry_turn_s
+            self._retry_s = now_s + self._config.retry_turn_s + self._announcing_s()
             self._lose_turn(radio, state, now_s)
 
     def heard(self, radio: int, data: bytes, now_s: float) -> bool:
@@ -190,6 +202,7 @@ class AskingTurns:
             return True
         self.statistics.round_trip_s = now_s - state.question_sent_s
         if not heard.is_new_session:
+            self._conversation.lanes.told()
             self._count(self._conversation.lanes.settle(state.question_sent_s - _SERIAL_JITTER_S), now_s)
         self._station_has_more = state.answers >= self._config.most_answers
         state.question, state.deadline_s = None, math.inf
@@ -200,10 +213,12 @@ class AskingTurns:
     def _count(self, fates: tuple[Fate, ...] | list[Fate], now_s: float) -> None:
         for fate in fates:
             state = self._radios[fate.path]
+            left_s = now_s if fate.left_s is None else fate.left_s
             if fate.arrived:
                 state.losses, state.probe_at_s = 0, None
-                continue
-            state.losses += 1
+                state.arrived_s = max(state.arrived_s, left_s)
+            elif left_s > state.arrived_s:
+                state.losses += 1
             if state.losses >= self._config.suspect_losses:
                 self._suspect(fate.path, now_s)
 
@@ -211,15 +226,13 @@ class AskingTurns:
         for radio, state in enumerate(self._radios):
             if now_s >= state.deadline_s:
                 state.question, state.deadline_s = None, math.inf
-                self._retry_s = now_s + self._config.retry_turn_s
+                self._retry_s = now_s + self._config.retry_turn_s + self._announcing_s()
                 self._lose_turn(radio, state, now_s)
 
     def _lose_turn(self, radio: int, state: _Asking, now_s: float) -> None:
         self.statistics.lost_turns += 1
         state.unanswered += 1
         self._unanswered += 1
-        if state.unanswered >= self._config.suspect_turns:
-            self._suspect(radio, now_s)
         if radio == self._turn_radio and state.unanswered >= 2:
             self._turn_elsewhere(radio)
 
@@ -245,7 +258,6 @@ class _Answering:
     is_up: bool = False
     answer: bytes | None = None
     packets_left: int = 0
-    is_first: bool = True
     not_before_s: float = 0.0
     until_s: float = -math.inf
 
@@ -277,8 +289,7 @@ class AnsweringTurns:
         lanes = self._conversation.lanes
         state.packets_left -= 1
         is_last = state.packets_left == 0 or lanes.waiting_bytes <= self._conversation.body_bytes
-        packet_or_none = self._conversation.next_packet(radio, turn=is_last, report=state.is_first)
-        state.is_first = False
+        packet_or_none = self._conversation.next_packet(radio, turn=is_last)
         state.until_s = now_s + self._timing.slot_s + self._timing.answer_timeout_s
         if is_last or packet_or_none is None:
             state.packets_left = 0
@@ -301,8 +312,13 @@ class AnsweringTurns:
         heard: Heard | None = self._conversation.hear(data)
         if heard is None:
             return False
+        state = self._radios[radio]
         if heard.turn:
-            self._begin_turn(self._radios[radio], heard, len(data), now_s)
+            self._begin_turn(state, heard, len(data), now_s)
+        else:
+            state.packets_left = self._config.most_answers if heard.announces else 0
+            state.not_before_s = now_s + self._timing.slot_s + self._timing.answer_delay_s(len(data)) + _UNHEARD_S
+            state.until_s = state.not_before_s + _UNHEARD_S
         return True
 
     def _begin_turn(self, state: _Answering, heard: Heard, heard_bytes: int, now_s: float) -> None:
@@ -311,6 +327,5 @@ class AnsweringTurns:
             self._conversation.lanes.settle(now_s)
         state.answer = heard.answer
         state.packets_left = self._config.most_answers
-        state.is_first = True
         state.not_before_s = now_s + self._timing.answer_delay_s(heard_bytes)
         state.until_s = state.not_before_s + self._timing.sense_s + self._timing.answer_timeout_s / 2

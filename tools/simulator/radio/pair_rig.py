@@ -100,7 +100,7 @@ class PairRig:
                 return True
             now_s = self.clock.now_s()
             due_s = [self.timeline.next_s, self._next_byte_s(), self.robot.due_s(), self.station.due_s()]
-            next_s = min((d for d in due_s if d > now_s), default=end_s)  # what is overdue waits for a module
+            next_s = min((d for d in due_s if d > now_s), default=end_s)
             step_s = min(max(next_s - now_s, _STEP_S), _LONGEST_STEP_S)
             self.clock.advance_to(min(now_s + step_s, end_s))
         return False

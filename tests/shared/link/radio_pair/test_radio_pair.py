@@ -10,6 +10,7 @@ import pytest
 from shared.link.base import Lane, LinkError
 from shared.link.radio_pair.config import PairConfig
 from shared.link.radio_pair.link import RadioPair
+from shared.protocol.auth import Kind, read_head
 from tools.simulator.radio.loss import Bursts, Independent, LossModel
 from tools.simulator.radio.pair_rig import PairRig, link_settings
 
@@ -98,6 +99,35 @@ def test_nothing_is_lost_or_doubled_on_a_bad_channel(loss: Callable[[], LossMode
     rig.run(10.0)
     traffic.finish(110.0)
     assert traffic.sent > 20
+
+
+def test_only_what_was_lost_is_sent_again_and_no_radio_is_given_up_for_it() -> None:
+    rig = connected(loss=lambda: Independent(0.2))
+    traffic = Traffic(rig)
+    rig.run(20.0)
+    airtime_s = rig.channel.statistics.per_antenna_s
+    assert rig.station.statistics.lanes.duplicates == 0
+    assert min(airtime_s["robot 0"], airtime_s["robot 1"]) > 6.0  # of 8.0 without a turn
+    traffic.finish()
+
+
+def test_a_question_that_was_announced_is_answered_although_it_was_not_heard() -> None:
+    rig = connected()
+    traffic = Traffic(rig)
+    rig.run(2.0)
+    hear = rig.station._turns.heard
+
+    def heard(radio: int, data: bytes, now_s: float) -> bool:
+        kind, turn, _ = read_head(data[0])
+        return False if kind is Kind.ITEMS and turn else hear(radio, data, now_s)
+
+    rig.station._turns.heard = heard  # type: ignore[method-assign]
+    turns, lost = rig.robot.statistics.turns.turns, rig.robot.statistics.turns.lost_turns
+    rig.run(5.0)
+    assert rig.robot.statistics.turns.turns - turns >= 4
+    assert rig.robot.statistics.turns.lost_turns == lost
+    rig.station._turns.heard = hear  # type: ignore[method-assign]
+    traffic.finish()
 
 
 @pytest.mark.parametrize("side", ["robot", "station"])
