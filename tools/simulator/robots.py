@@ -7,7 +7,7 @@ from pathlib import Path
 
 from robot_app.config import OMNI_PATH, AnyRobotConfig, RobotConfig, load_any_config
 from shared.config import ConfigError
-from tools.simulator.scenario import RobotName, Scenario
+from tools.simulator.scenario import ROBOT_NAMES, RobotName, Scenario
 
 
 def with_robot(scenario: Scenario, robot: RobotName | None, path: Path | None) -> tuple[Scenario, AnyRobotConfig]:
@@ -17,3 +17,11 @@ def with_robot(scenario: Scenario, robot: RobotName | None, path: Path | None) -
     if robot is not None and robot != found:
         raise ConfigError(f"{path}: is the configuration of the robot {found!r}, not of {robot!r}")
     return replace(scenario, robot=found), config
+
+
+def with_robot_of(scenario: Scenario, name_or_path: str) -> tuple[Scenario, AnyRobotConfig]:
+    """The same of a robot's name or of a file."""
+    for name in ROBOT_NAMES:
+        if name == name_or_path:
+            return with_robot(scenario, name, None)
+    return with_robot(scenario, None, Path(name_or_path))

@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.geometry.omni3 import OmniGeometry
 from shared.geometry.rays import polygon_clearance_m
 from shared.geometry.se2 import Pose2
-from tools.simulator.scenario import Item, Room, Scenario, Start
+from tools.simulator.scenario import CarParameters, Item, OmniParameters, Room, Scenario, Start
 from tools.simulator.solids import Solid, solids_of
 
 _CLEAR_M = 0.03  # round the footprint
@@ -21,11 +22,10 @@ _START_M = 1.0  # round the start there is nothing
 
 
 def free_pose(scenario: Scenario, rng: np.random.Generator) -> Pose2:
-    """Anywhere in the room where the car stands clear of everything, any heading. Raises `ValueError`."""
-    car, room = scenario.car, scenario.room
-    right, left = -car.width_m / 2, car.width_m / 2
-    footprint = np.array([(-car.rear_m, right), (car.front_m, right), (car.front_m, left), (-car.rear_m, left)])
-    solids = [s for s in solids_of(scenario) if s.center_m[2] - s.half_m[2] < car.height_m]
+    """Anywhere in the room where the robot stands clear of everything, any heading. Raises `ValueError`."""
+    body, room = scenario.body, scenario.room
+    footprint = _footprint(body)
+    solids = [s for s in solids_of(scenario) if s.center_m[2] - s.half_m[2] < body.height_m]
     for _ in range(_TRIES):
         pose = Pose2(
             float(rng.uniform(0.0, room.length_x_m)),
@@ -35,7 +35,15 @@ def free_pose(scenario: Scenario, rng: np.random.Generator) -> Pose2:
         corners = pose.apply(footprint)
         if _in_room(corners, room) and all(_clearance_m(corners, solid) > _CLEAR_M for solid in solids):
             return pose
-    raise ValueError(f"{scenario.name}: no room for the car")
+    raise ValueError(f"{scenario.name}: no room for the robot")
+
+
+def _footprint(body: CarParameters | OmniParameters) -> NDArray[np.float64]:
+    """(K, 2): its corners, robot frame, counter-clockwise."""
+    if isinstance(body, OmniParameters):
+        return np.array(OmniGeometry(body.wheel_distance_m, body.wheel_radius_m, body.radius_m).footprint_m())
+    right, left = -body.width_m / 2, body.width_m / 2
+    return np.array([(-body.rear_m, right), (body.front_m, right), (body.front_m, left), (-body.rear_m, left)])
 
 
 def random_room(like: Scenario, rng: np.random.Generator) -> Scenario:

@@ -1,17 +1,21 @@
-"""Where the car can really get: an exhaustive search in the true room that shares nothing with the planner.
+"""Where a robot can really get: an exhaustive search in the true room that shares nothing with the planner.
 
 Poses in cells of 4 cm and 5 degrees are joined by short arcs of the car's tightest circle and by straight pieces, in
-both directions, as long as the rectangle of the car touches none of the scenario's true boxes.
+both directions, as long as the rectangle of the car touches none of the scenario's true boxes. A disc gets to all
+places that are far enough from every box and joined to its own.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from shared.geometry.ackermann import CarGeometry
+from shared.geometry.omni3 import OmniGeometry
 from shared.geometry.se2 import Pose2
 from tools.evaluate.goals import _kernels
 from tools.simulator.scenario import Scenario
@@ -19,6 +23,49 @@ from tools.simulator.solids import solids_of
 
 _CELL_M, _HEADINGS, _STEP_M = 0.04, 72, 0.06
 _FAR_CELL_M = 0.02
+_LOOKS_RAD = (-math.tau / 3, 0.0, math.tau / 3)
+
+
+class Reach(Protocol):
+    def poses_m(self) -> NDArray[np.float64]:
+        """(N, 3): the middles of all cells of x, y and heading that the robot gets to, room frame."""
+        ...
+
+    def places(self) -> int:
+        """In how many cells of x and y its origin can be."""
+        ...
+
+    def places_that_fit(self) -> int:
+        """In how many it could be if it were put down there, with any heading."""
+        ...
+
+
+def reach_of(scenario: Scenario, body: CarGeometry | OmniGeometry, room_from_robot: Pose2, margin_m: float) -> Reach:
+    """All that the robot with this body reaches from where it stands, with `margin_m` kept on all sides."""
+    if isinstance(body, CarGeometry):
+        return Reachable(scenario, body, room_from_robot, margin_m)
+    return DiscReachable(scenario, body, room_from_robot, margin_m)
+
+
+class DiscReachable:
+    """It turns on the spot, so three headings stand for all that the scanner can look to."""
+
+    def __init__(self, scenario: Scenario, omni: OmniGeometry, room_from_robot: Pose2, margin_m: float) -> None:
+        self._fits = _far_m(scenario, _boxes(scenario)) >= omni.radius_m + margin_m
+        islands, _ = ndimage.label(self._fits)
+        row, column = (math.floor(v / _FAR_CELL_M) for v in (room_from_robot.y_m, room_from_robot.x_m))
+        self._reached: NDArray[np.bool_] = (islands == islands[row, column]) & self._fits
+
+    def poses_m(self) -> NDArray[np.float64]:
+        row, column = np.nonzero(self._reached)
+        places = np.column_stack((column + 0.5, row + 0.5)) * _FAR_CELL_M
+        return np.vstack([np.column_stack((places, np.full(len(places), turn))) for turn in _LOOKS_RAD])
+
+    def places(self) -> int:
+        return int(self._reached.sum())
+
+    def places_that_fit(self) -> int:
+        return int(self._fits.sum())
 
 
 class Reachable:
@@ -69,8 +116,8 @@ class Reachable:
 
 
 def _boxes(scenario: Scenario) -> NDArray[np.float64]:
-    """(B, 6) of everything that is as low as the car."""
-    height_m = scenario.car.height_m
+    """(B, 6) of everything that is as low as the robot."""
+    height_m = scenario.body.height_m
     rows = [
         (*s.center_m[:2], math.cos(s.yaw_rad), math.sin(s.yaw_rad), *s.half_m[:2])
         for s in solids_of(scenario)

@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from robot_app.config import load_config as load_robot
 from shared.command_line import EXIT_FAILED, EXIT_OK, Refused, whole_number_in
 from station_gui.config import load_config as load_station
 from tools.evaluate.missions.floor import CELL_M
@@ -26,7 +25,8 @@ from tools.evaluate.missions.trial import Trial, TrialFigures, run_trial
 from tools.evaluate.seeds import seed_list
 from tools.simulator.links import LINK_NAMES
 from tools.simulator.plan_view import MARGIN_M, plan_view
-from tools.simulator.scenario import find_scenario
+from tools.simulator.robots import with_robot_of
+from tools.simulator.scenario import ROBOT_NAMES, find_scenario
 
 _COLUMNS = ("trial", "contacts", "floor_seen", "ended", "seconds", "distance_m", "mean_mps", "max_mps", "stuck_s")
 _MISSED = np.array([255, 150, 140], np.float32)
@@ -45,7 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="without the station's map and the depth camera, on which nothing here depends: three times as fast",
     )
-    parser.add_argument("--robot", metavar="FILE", type=Path, help="robot.toml instead of the one that comes along")
+    parser.add_argument(
+        "--robot", default="car", help=f"{' or '.join(ROBOT_NAMES)}, or a file instead of its robot.toml (default: car)"
+    )
     parser.add_argument("--out", metavar="DIR", type=Path, help="keep figures and a picture of each trial here")
     parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
 
@@ -91,10 +93,11 @@ def summarise(rows: Sequence[TrialFigures]) -> dict[str, Any]:
 
 
 def _run_one(number: int, args: argparse.Namespace) -> TrialFigures:
+    scenario, robot = with_robot_of(find_scenario(args.scenario), args.robot)
     trial = run_trial(
         number,
-        find_scenario(args.scenario),
-        load_robot(args.robot),
+        scenario,
+        robot,
         load_station(None),
         args.link,
         at_random=args.rearranged,

@@ -1,7 +1,7 @@
 """How much of the floor a mission has seen.
 
 Floor is what no thing covers at the height of the scanner, in cells of 5 cm. Reachable is the floor that a beam of
-the scanner passes from any pose to which the car can drive from its start with 5 cm to spare on all sides
+the scanner passes from any pose to which the robot can drive from its start with 5 cm to spare on all sides
 (`goals.reachable`, tried out exhaustively in the true room). Seen is what the beams passed from the true poses of the
 mission. Both use the same beams: the scanner's field of view, its longest range, and every second step.
 """
@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.geometry.ackermann import CarGeometry
+from shared.geometry.omni3 import OmniGeometry
 from shared.geometry.se2 import Pose2
-from tools.evaluate.goals.reachable import Reachable
+from tools.evaluate.goals.reachable import reach_of
 from tools.evaluate.missions import _kernels
 from tools.simulator.scenario import Scenario
 from tools.simulator.truth import true_surfaces
@@ -34,10 +35,10 @@ Bools = NDArray[np.bool_]
 class Floor:
     """The reachable floor of one room."""
 
-    def __init__(self, scenario: Scenario, car: CarGeometry) -> None:
+    def __init__(self, scenario: Scenario, body: CarGeometry | OmniGeometry) -> None:
         self._scenario = scenario
         self._segments = np.ascontiguousarray(true_surfaces(scenario).segments_m.reshape(-1, 4))
-        self.reach = Reachable(scenario, car, scenario.start.room_from_robot, _MARGIN_M)
+        self.reach = reach_of(scenario, body, scenario.start.room_from_robot, _MARGIN_M)
         self.reachable = self._look(thinned(self.reach.poses_m(), _PLACE_M, _HEADINGS))
 
     def seen(self, poses: NDArray[np.float64]) -> Bools:
@@ -49,9 +50,9 @@ class Floor:
 
     def _look(self, poses: NDArray[np.float64]) -> Bools:
         """`poses`: (N, 3) of the robot, room frame."""
-        scanner, car, room = self._scenario.scanner, self._scenario.car, self._scenario.room
+        scanner, body, room = self._scenario.scanner, self._scenario.body, self._scenario.room
         beams = np.arange(0, scanner.beams, _EVERY_BEAM) - (scanner.beams - 1) / 2
-        eye = Pose2(car.scanner_x_m, 0.0, 0.0)
+        eye = Pose2(body.scanner_x_m, 0.0, 0.0)
         scanners = np.array([(Pose2(*pose) @ eye).as_array() for pose in poses.tolist()]).reshape(-1, 3)
         seen = np.zeros((math.ceil(room.width_y_m / CELL_M), math.ceil(room.length_x_m / CELL_M)), bool)
         _kernels.look(

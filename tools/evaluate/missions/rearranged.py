@@ -1,7 +1,7 @@
-"""A scenario's things in other places, drawn at random, in a room in which the car can still get about.
+"""A scenario's things in other places, drawn at random, in a room in which the robot can still get about.
 
 What stands against a wall goes to a wall again, anywhere round the room; what stands in the middle goes anywhere.
-Things that stand under one another (a table and what is beneath it) stay together. A room is taken only if the car,
+Things that stand under one another (a table and what is beneath it) stay together. A room is taken only if the robot,
 with 10 cm to spare on all sides, gets from its start to 97 % of the places where it would fit, and has half of the
 room that it has in the room given.
 """
@@ -15,9 +15,10 @@ from dataclasses import replace
 import numpy as np
 
 from shared.geometry.ackermann import CarGeometry
+from shared.geometry.omni3 import OmniGeometry
 from shared.geometry.rays import polygon_clearance_m
 from shared.geometry.se2 import Pose2
-from tools.evaluate.goals.reachable import Reachable
+from tools.evaluate.goals.reachable import reach_of
 from tools.simulator.rooms import free_pose
 from tools.simulator.scenario import Item, Scenario, Start
 
@@ -27,7 +28,8 @@ _LEAST_SPACE = 0.5
 _AGAINST_M = 0.12  # what is nearer to a wall than this stands against it
 _STRAY_DEG = 8.0  # things are not put down straight
 _OFF_WALL_M = 0.06
-_GAP_M = 0.04  # mean gap between neighbours at a wall
+_GAP_M = 0.04  # mean gap between neighbours at a wall …
+_SPARSE_M = 1.0  # … but where walls offer more than this to each of them, they stand half of that apart
 _STEP_M = 0.05  # on from where nothing went in
 _LONG_ALONG = 0.85
 _ROOMS, _PLACES = 200, 200
@@ -35,19 +37,19 @@ _ROOMS, _PLACES = 200, 200
 Group = tuple[Item, ...]
 
 
-def rearranged(like: Scenario, car: CarGeometry, rng: np.random.Generator) -> Scenario:
+def rearranged(like: Scenario, body: CarGeometry | OmniGeometry, rng: np.random.Generator) -> Scenario:
     """Without goals. Raises `ValueError` when no such room is found."""
     groups = _groups(like.items)
-    needed = _LEAST_SPACE * Reachable(like, car, like.start.room_from_robot, _MARGIN_M).places()
+    needed = _LEAST_SPACE * reach_of(like, body, like.start.room_from_robot, _MARGIN_M).places()
     for _ in range(_ROOMS):
         items = _put_down(groups, like, rng)
         room = _with_start(items, like, rng) if items is not None else None
         if room is None:
             continue
-        reach = Reachable(room, car, room.start.room_from_robot, _MARGIN_M)
+        reach = reach_of(room, body, room.start.room_from_robot, _MARGIN_M)
         if reach.places() >= max(needed, _JOINED * reach.places_that_fit()):
             return room
-    raise ValueError(f"{like.name}: its things leave no way for the car in any of {_ROOMS} arrangements")
+    raise ValueError(f"{like.name}: its things leave no way for the robot in any of {_ROOMS} arrangements")
 
 
 def _with_start(items: tuple[Item, ...], like: Scenario, rng: np.random.Generator) -> Scenario | None:
@@ -100,10 +102,12 @@ def _along_walls(groups: Sequence[Group], like: Scenario, rng: np.random.Generat
     sides = (Pose2(0.0, 0.0, 0.0), Pose2(x, 0.0, math.pi / 2), Pose2(x, y, math.pi), Pose2(0.0, y, -math.pi / 2))
     placed: list[Item] = []
     left = list(groups)
+    spare_m = (2 * (x + y) - sum(max(group[0].size_m[:2]) for group in groups)) / max(len(groups), 1)
+    gap_m = _GAP_M if spare_m < _SPARSE_M else spare_m / 2
     for side, wall_from_corner in enumerate(sides):
         along = 0.0
         while along < (x, y)[side % 2]:
-            along += float(rng.exponential(_GAP_M))
+            along += float(rng.exponential(gap_m))
             for group in left:
                 place, far = _at_wall(group[0], along, rng)
                 moved = _moved(group, wall_from_corner @ place)

@@ -1,4 +1,4 @@
-"""One mission in a room that was re-arranged: the car observes until it says itself that it has finished."""
+"""One mission in a room that was re-arranged: the robot observes until it says itself that it has finished."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_app.config import RobotConfig
+from robot_app.config import AnyRobotConfig
 from shared.messages import MissionState
 from station_gui.config import StationConfig
 from station_gui.model.view import OperatorView
@@ -76,7 +76,7 @@ class _Watch:
 def run_trial(
     number: int,
     like: Scenario,
-    robot: RobotConfig,
+    robot: AnyRobotConfig,
     station: StationConfig,
     link: LinkName,
     *,
@@ -85,7 +85,7 @@ def run_trial(
     progress: Callable[[float], None],
 ) -> Trial:
     """`number` is the seed of the room, of the start and of all noise; `mapped`: the station draws its map as well."""
-    room = rearranged(like, robot.car, np.random.default_rng([number, 77])) if at_random else like
+    room = rearranged(like, robot.body, np.random.default_rng([number, 77])) if at_random else like
     without = frozenset() if mapped else MAPPING_AND_DEPTH
     system = Lockstep(room, number, robot, station, link=link, without=without)
     director = Director(Orders(system.station), (), lambda _: None)
@@ -107,7 +107,7 @@ def run_trial(
     ended_s = watch.ended_s if math.isfinite(watch.ended_s) else system.clock.now_s()
     poses = system.world.truth.poses()
     poses = poses[(poses[:, 0] >= watch.began_s) & (poses[:, 0] <= ended_s)]
-    floor = Floor(room, robot.car)
+    floor = Floor(room, robot.body)
     figures = _figures(number, poses, floor, system.world.collisions.count, math.isfinite(watch.ended_s), failure)
     return Trial(figures, room, floor, poses)
 
