@@ -8,6 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from shared.geometry.field._kernels import bilinear
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -168,13 +170,7 @@ def sample_field(field_m: Floats, left_m: float, low_m: float, cell_m: float, x_
     size = len(field_m)
     u = min(max((x_m - left_m) / cell_m - 0.5, 0.0), size - 1.001)
     v = min(max((y_m - low_m) / cell_m - 0.5, 0.0), size - 1.001)
-    j = int(u)
-    i = int(v)
-    a = u - j
-    b = v - i
-    lower = (1 - a) * field_m[i, j] + a * field_m[i, j + 1]
-    upper = (1 - a) * field_m[i + 1, j] + a * field_m[i + 1, j + 1]
-    return float((1 - b) * lower + b * upper)
+    return bilinear(field_m, u, v)
 
 
 @njit(nogil=True, cache=True)

@@ -13,6 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from shared.geometry.field._kernels import bilinear
+
 Floats = NDArray[np.float64]
 
 
@@ -24,13 +26,7 @@ def clearance_at(field_m: Floats, frame: Floats, x: float, y: float) -> float:
     v = (y - frame[1]) / frame[2] - 0.5
     if u < 0.0 or v < 0.0 or u >= columns - 1 or v >= rows - 1:
         return 0.0
-    j = int(u)
-    i = int(v)
-    a = u - j
-    b = v - i
-    lower = (1 - a) * field_m[i, j] + a * field_m[i, j + 1]
-    upper = (1 - a) * field_m[i + 1, j] + a * field_m[i + 1, j + 1]
-    return float((1 - b) * lower + b * upper)
+    return bilinear(field_m, u, v)
 
 
 @njit(nogil=True, cache=True)
