@@ -20,7 +20,8 @@ from robot_app.drivers.base import (
     RawScan,
     TemperatureSample,
 )
-from robot_app.mission import Mission
+from robot_app.mission import RUNNING, Mission
+from robot_app.mission_store import MissionStore
 from robot_app.perception.identity.tracker import ObjectTracker
 from robot_app.perception.object_extractor import ObjectExtractor
 from robot_app.pilot import Pilot
@@ -54,7 +55,6 @@ _log = logging.getLogger(__name__)
 _READ_TIMEOUT_S = 0.015
 _LOCK_TIMEOUT_S = 0.05
 _OBSERVE_S = 0.1
-_RUNNING = {MissionState.OBSERVE, MissionState.COMMAND}
 _GENTLE = {StopReason.NONE, StopReason.COMMAND_SILENCE, StopReason.LOW_BATTERY, StopReason.OVER_TEMPERATURE}
 _CUT = {StopReason.EMERGENCY, StopReason.STALLED, StopReason.TILTED}
 _CONTROL_HUNG_S = 0.25  # without a control tick for so long the motor is cut from another thread
@@ -70,8 +70,9 @@ class RobotApp:
         clock: Clock,
         config: RobotConfig,
         boot_id: int,
+        store: MissionStore | None = None,
     ) -> None:
-        """`boot_id`: below 2**32, another one at each start of the app."""
+        """`boot_id`: below 2**32, another one at each start of the app. Without a `store` no mission is kept."""
         self._boot_id = boot_id
         self._hardware = hardware
         self._clock = clock
@@ -79,6 +80,9 @@ class RobotApp:
         self._geometry = thinned_geometry(hardware.scanner.geometry)
         self._odometry = Odometry(config.odometry, config.car)
         self._mission = Mission(config.mission)
+        self._store = store
+        if store is not None:
+            self._mission.restore(store.load())
         self._pilot = Pilot(config.car, config.control, self._mission, self._odometry)
         self._extractor = ObjectExtractor(config.perception, hardware.camera.intrinsics, config.camera)
         self._tracker = ObjectTracker(config.perception.tracking)
@@ -152,6 +156,7 @@ class RobotApp:
     def shut_down(self) -> None:
         """Say that it is over and let go of the devices; call it after the tasks have ended."""
         self.stop_for_good()
+        self._keep_mission(self._clock.now_s())
         self._report()
         self._hardware.close()
 
@@ -170,7 +175,7 @@ class RobotApp:
         imu = self._hardware.imu.read(0.0)
         imu = imu if imu is not None and self._imu_watch.is_alive(imu) else None
         self._odometry.update(count, imu)
-        if self._mission.state in _RUNNING:
+        if self._mission.state in RUNNING:
             self._watch_motion(count, imu)
         else:
             self._motion_watch.forget()
@@ -279,7 +284,14 @@ class RobotApp:
                 self._sent_objects_s = objects.stamp_s
 
     def _explore(self) -> None:
-        self._pilot.explore(self._clock.now_s())
+        now_s, state = self._clock.now_s(), self._odometry.state
+        self._mission.at(state.odom_from_robot, state.distance_m)
+        self._pilot.explore(now_s)
+        self._keep_mission(now_s)
+
+    def _keep_mission(self, now_s: float) -> None:
+        if self._store is not None:
+            self._store.keep(self._mission.record, now_s)
 
     def _report(self) -> None:
         state, pilot, now_s = self._odometry.state, self._pilot.state, self._clock.now_s()
@@ -335,7 +347,7 @@ class RobotApp:
 
     def _change_hands(self) -> None:
         """Another station speaks: it must start the mission itself."""
-        if self._mission.state in _RUNNING:
+        if self._mission.state in RUNNING:
             _log.warning("another station has taken over; the mission stops")
             self._mission.halt(StopReason.COMMAND_SILENCE)
 
@@ -343,17 +355,17 @@ class RobotApp:
         reason = self._guard.reason_to_stand(now_s, self._scan.age_s(now_s), self._odometry.age_s(now_s))
         if reason is not self._standing_reason:
             self._standing_reason = reason
-            if self._mission.state in _RUNNING:
+            if self._mission.state in RUNNING:
                 _log.warning("standing: %s", reason.name if reason is not StopReason.NONE else "may move again")
             if reason not in _GENTLE:
                 self._pilot.cut()  # what its speed was to be is over: the car brakes as hard as it can
-        running = self._mission.state in _RUNNING
+        running = self._mission.state in RUNNING
         if running and self._guard.silence_s(now_s) > self._config.safety.resume_within_s:
             self._mission.halt(StopReason.COMMAND_SILENCE)
         return reason
 
     def _stop_reason(self) -> StopReason:
-        if self._mission.state is MissionState.HALTED:
+        if self._mission.state in {MissionState.HALTED, MissionState.PAUSED}:
             return self._mission.stop_reason
         if self._mission.state is MissionState.IDLE:
             return StopReason.NONE

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_app.control.motion import Motion
+from shared.geometry.se2 import Pose2
 from shared.messages import (
     Command,
     Drive,
@@ -18,10 +19,15 @@ from shared.messages import (
     GoTo,
     Heartbeat,
     MissionState,
+    Pause,
+    Resume,
+    ReturnToStart,
     Start,
     Stop,
     StopReason,
 )
+
+RUNNING = frozenset({MissionState.OBSERVE, MissionState.COMMAND, MissionState.RETURN})
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +44,7 @@ class Behaviour(Enum):
     STAND = "stand"
     FOLLOW_WALL = "follow wall"
     EXPLORE = "explore"
+    GO_HOME = "go home"
     FOLLOW_PATH = "follow path"
     BY_HAND = "by hand"
 
@@ -56,6 +63,21 @@ class PathOrder:
     path: NDArray[np.float32]
 
 
+@dataclass(frozen=True, slots=True)
+class MissionRecord:
+    """What is kept of a mission, so that the app can be started again in its middle.
+
+    `going_on`: the state that it goes on in. `robot_from_home`: where it was started, seen from where the robot is.
+    """
+
+    going_on: MissionState = MissionState.IDLE
+    is_round_over: bool = False
+    is_observed: bool = False
+    stop_reason: StopReason = StopReason.NONE
+    distance_m: float = 0.0
+    robot_from_home: Pose2 | None = None
+
+
 _YES = Answer(True)
 
 
@@ -67,6 +89,7 @@ class Mission:
         self.explores = False  # whether the pilot looks for what a round of the room has not shown
         self._config = config
         self._lock = threading.RLock()
+        self._number = 0
         self._state = MissionState.IDLE
         self._stop_reason = StopReason.NONE
         self._order: PathOrder | None = None
@@ -74,6 +97,12 @@ class Mission:
         self._began_m: float | None = None  # where the observation began, in metres driven
         self._round_m: float | None = None  # where it came round
         self._is_round_over = False  # the rest of the room is explored
+        self._is_observed = False  # all of it
+        self._going_on = MissionState.IDLE  # what it goes on in after a pause or a halt
+        self._home: Pose2 | None = None  # odom frame
+        self._pose = Pose2()
+        self._start_m: float | None = None  # the odometer at the mission's beginning
+        self._driven_m = 0.0
 
     @property
     def state(self) -> MissionState:
@@ -90,38 +119,97 @@ class Mission:
         with self._lock:
             return self._order
 
+    @property
+    def number(self) -> int:
+        """How many were started; one that goes on is the same."""
+        return self._number
+
+    @property
+    def home(self) -> Pose2 | None:
+        """Where the mission was started, odom frame; None before its first moment."""
+        with self._lock:
+            return self._home
+
+    def at(self, odom_from_robot: Pose2, distance_m: float) -> None:
+        """Where the robot is, after so much driven since the app was started; tell it a few times a second."""
+        with self._lock:
+            self._pose = odom_from_robot
+            if self._state not in RUNNING:
+                return
+            if self._home is None:
+                self._home = odom_from_robot
+            if self._start_m is None:
+                self._start_m = distance_m - self._driven_m
+            self._driven_m = distance_m - self._start_m
+
+    @property
+    def record(self) -> MissionRecord:
+        """What is to be kept."""
+        with self._lock:
+            home = self._pose.inverse() @ self._home if self._home is not None else None
+            going_on = self._state if self._state in RUNNING else self._going_on
+            return MissionRecord(
+                going_on, self._is_round_over, self._is_observed, self._stop_reason, self._driven_m, home
+            )
+
+    def restore(self, record: MissionRecord) -> None:
+        """At the start of the app, the robot standing where the record was made: paused in the middle of a mission."""
+        with self._lock:
+            if record.going_on not in RUNNING:
+                return
+            self._state, self._stop_reason = MissionState.PAUSED, StopReason.RESTARTED
+            self._going_on = record.going_on
+            self._is_round_over, self._is_observed = record.is_round_over, record.is_observed
+            self._driven_m, self._home = record.distance_m, record.robot_from_home
+
     def handle(self, command: Command, now_s: float) -> Answer:
         """Carry out a command."""
         with self._lock:
             match command:
                 case Start():
-                    return self._start()
+                    answer = self._start()
                 case Stop():
-                    return self.halt(StopReason.OPERATOR)
+                    answer = self.halt(StopReason.OPERATOR)
                 case EmergencyStop():
-                    return self.halt(StopReason.EMERGENCY)
+                    answer = self.halt(StopReason.EMERGENCY)
                 case GoTo():
-                    return self._go_to(command)
+                    answer = self._go_to(command)
                 case Drive():
-                    return self._drive_by_hand(command, now_s)
+                    answer = self._drive_by_hand(command, now_s)
+                case ReturnToStart():
+                    answer = self._go_home()
+                case Pause():
+                    answer = self._pause()
+                case Resume():
+                    answer = self._resume()
                 case Heartbeat():
-                    return _YES
+                    answer = _YES
                 case _:
                     assert_never(command)
+            return answer
 
     def halt(self, reason: StopReason) -> Answer:
         """End the mission; the first reason stands until the next start."""
         with self._lock:
             if self._state is not MissionState.HALTED or reason is StopReason.EMERGENCY:
                 self._stop_reason = reason
+            if self._state in RUNNING:
+                self._going_on = self._state
             self._state = MissionState.HALTED
             self._forget_orders()
         return _YES
 
+    def go_home(self) -> bool:
+        """Break off what it does and go back to the start; False where that is not possible."""
+        with self._lock:
+            return self._go_home().accepted
+
     def behaviour(self, now_s: float) -> Behaviour:
         with self._lock:
-            if self._state not in {MissionState.OBSERVE, MissionState.COMMAND}:
+            if self._state not in RUNNING:
                 return Behaviour.STAND
+            if self._state is MissionState.RETURN:
+                return Behaviour.GO_HOME
             if self.hand_motion(now_s) is not None:
                 return Behaviour.BY_HAND
             if self._state is MissionState.OBSERVE:
@@ -149,13 +237,25 @@ class Mission:
             if overlapped or is_over or distance_m - self._began_m >= self._config.lap_max_distance_m:
                 self._is_round_over = True
                 if not self.explores:
-                    self._state = MissionState.COMMAND
+                    self._end_observation()
 
     def explored(self) -> None:
         """Nothing is left to be seen."""
         with self._lock:
             if self._state is MissionState.OBSERVE and self._is_round_over:
+                self._end_observation()
+
+    def returned(self, found_way: bool) -> None:
+        """The robot is at its start, or has found no way to it. An observation that was broken off can go on then."""
+        with self._lock:
+            if self._state is not MissionState.RETURN:
+                return
+            if found_way and self._is_observed:
                 self._state = MissionState.COMMAND
+                return
+            self._state = MissionState.PAUSED
+            self._going_on = MissionState.OBSERVE if found_way else MissionState.RETURN
+            self._stop_reason = StopReason.NONE if found_way else StopReason.BLOCKED
 
     def path_ended(self, order: PathOrder) -> None:
         """The car has come to the end of this path, or has given it up."""
@@ -164,12 +264,45 @@ class Mission:
                 self._order = None
 
     def _start(self) -> Answer:
-        if self._state in {MissionState.OBSERVE, MissionState.COMMAND}:
+        if self._state in RUNNING:
             return Answer(False, "the mission is running already")
         self._state = MissionState.OBSERVE
         self._stop_reason = StopReason.NONE
         self._forget_orders()
+        self._began_m = self._round_m = self._start_m = self._home = None
+        self._is_round_over = self._is_observed = False
+        self._driven_m = 0.0
+        self._number += 1
         return _YES
+
+    def _go_home(self) -> Answer:
+        if self._state not in RUNNING | {MissionState.PAUSED}:
+            return Answer(False, "there is no mission to return from")
+        if not self.explores or self._home is None:
+            return Answer(False, "the robot does not know the way back to its start")
+        self._state = MissionState.RETURN
+        self._stop_reason = StopReason.NONE
+        self._forget_orders()
+        return _YES
+
+    def _pause(self) -> Answer:
+        if self._state not in RUNNING:
+            return Answer(False, "there is nothing to pause")
+        self._going_on, self._state = self._state, MissionState.PAUSED
+        self._stop_reason = StopReason.NONE
+        self._drive = None
+        return _YES
+
+    def _resume(self) -> Answer:
+        if self._state not in {MissionState.PAUSED, MissionState.HALTED} or self._going_on not in RUNNING:
+            return Answer(False, "there is no mission to go on with")
+        self._state = self._going_on
+        self._stop_reason = StopReason.NONE
+        return _YES
+
+    def _end_observation(self) -> None:
+        self._is_observed = True
+        self._state = MissionState.COMMAND
 
     def _go_to(self, command: GoTo) -> Answer:
         if self._state is not MissionState.COMMAND:
@@ -194,6 +327,3 @@ class Mission:
     def _forget_orders(self) -> None:
         self._order = None
         self._drive = None
-        self._began_m = None
-        self._round_m = None
-        self._is_round_over = False

@@ -28,6 +28,7 @@ from shared.messages import ScanGeometry, Start
 _FREE_STEERING_RAD = 0.6  # the wall follower's steering may be changed as the obstacles ask
 _PATH_STEERING_RAD = 0.12  # a planned path is free already; only small corrections are taken
 _WARM_UP_BEAMS, _WARM_UP_STEPS = 227, 60
+_TASKS = {Behaviour.EXPLORE: Task.EXPLORE, Behaviour.GO_HOME: Task.HOME}
 _BLOCKED_S = 1.5  # a leg that is blocked for so long is given up
 _HAND_STEERING_RAD = 0.0  # the operator steers; the car only refuses to hit things
 
@@ -60,11 +61,11 @@ class Pilot:
         self._blocked_s: float | None = None
         self._seen_scan: tuple[RawScan, ScanGeometry] | None = None
         self._task = Task.NONE
+        self._number = mission.number
         mission.explores = True
         self._speed = SpeedController(config.speed)
         self._behaviour = Behaviour.STAND
         self._order: PathOrder | None = None
-        self._home = Pose2()
         self._steering_rad = 0.0
         self._scan_stamp_s = -np.inf
         self._points_m: NDArray[np.float64] = np.zeros((0, 2))
@@ -98,11 +99,14 @@ class Pilot:
         if seen is None or pose is None:
             return
         state = self._odometry.state
+        if self._mission.number != self._number:
+            self._number = self._mission.number
+            self._explorer.clear()
         self._explorer.look(seen[0].ranges_m, seen[1], pose.odom_from_robot, state.distance_m)
-        task = Task.EXPLORE if self._mission.behaviour(now_s) is Behaviour.EXPLORE else Task.NONE
+        task = _TASKS.get(self._mission.behaviour(now_s), Task.NONE)
         if task is not self._task:
+            self._explorer.begin(task, self._mission.home or Pose2())
             self._task = task
-            self._explorer.begin(task, self._home)
         self._explorer.step(state.odom_from_robot, state.speed_mps)
 
     def step(self, now_s: float, may_move: bool) -> DriveSetting:
@@ -133,7 +137,6 @@ class Pilot:
         if behaviour is Behaviour.FOLLOW_WALL and was is not Behaviour.BY_HAND:
             self._wall.reset()
             self._round.reset()
-            self._home = self._odometry.state.odom_from_robot
 
     def _drive(self, now_s: float, behaviour: Behaviour, state: OdometryState) -> Motion:
         pose = state.odom_from_robot
@@ -160,7 +163,7 @@ class Pilot:
             return Wish(self._mission.hand_motion(now_s) or STAND_STILL, _HAND_STEERING_RAD)
         if behaviour is Behaviour.FOLLOW_PATH:
             return self._path_wish(now_s, state)
-        if behaviour is Behaviour.EXPLORE:
+        if behaviour in _TASKS:
             return self._leg_wish(now_s, state)
         return self._wall_wish(now_s, state)
 
@@ -174,8 +177,11 @@ class Pilot:
 
     def _leg_wish(self, now_s: float, state: OdometryState) -> Wish:
         """Along what the explorer has planned; it stands while there is nothing."""
-        if self._explorer.finished and self._task is Task.EXPLORE:
-            self._mission.explored()
+        if self._explorer.finished and self._task is _TASKS[self._behaviour]:
+            if self._task is Task.HOME:
+                self._mission.returned(self._explorer.found_way)
+            else:
+                self._mission.explored()
         leg = self._explorer.leg
         if leg is None:
             return Wish(STAND_STILL)

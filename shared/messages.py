@@ -33,6 +33,8 @@ class MissionState(IntEnum):
     OBSERVE = 1  # the robot goes round the room by itself
     COMMAND = 2  # the map is there; the robot does what the operator asks
     HALTED = 3  # stopped by the operator, by a fault or by silence
+    RETURN = 4  # on its way back to where it started
+    PAUSED = 5  # stands until the operator lets it go on
 
 
 class StopReason(IntEnum):
@@ -50,6 +52,10 @@ class StopReason(IntEnum):
     TASK_FAULT = 9
     SHUTDOWN = 10
     STALLED = 11  # the motor gets current and the encoders do not count
+    TILTED = 12
+    ENCODER_FAULT = 13  # one of the encoders counts nothing while the other does
+    SENSORS_DISAGREE = 14  # gyro and encoders do not agree on how the robot turns
+    RESTARTED = 15  # the app was started again in the middle of a mission, which can be continued
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,11 +228,26 @@ class Drive:
 
 
 @dataclass(frozen=True, slots=True)
+class ReturnToStart:
+    """Go back to where the mission was started, by the robot's own map; it needs no path from the station."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pause:
+    """Stand still, and keep all that the mission has come to."""
+
+
+@dataclass(frozen=True, slots=True)
+class Resume:
+    """Go on with the mission that was paused, halted, or cut off when the app was started again."""
+
+
+@dataclass(frozen=True, slots=True)
 class Heartbeat:
     """The operator is still there. Without one the robot stops."""
 
 
-Command = Start | Stop | EmergencyStop | GoTo | Drive | Heartbeat
+Command = Start | Stop | EmergencyStop | GoTo | Drive | Heartbeat | ReturnToStart | Pause | Resume
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,8 @@ class ExplorerConfig:
     floor: FloorMapConfig = field(default_factory=FloorMapConfig)
     ways: WaysConfig = field(default_factory=WaysConfig)
     margin_m: float = 0.045  # planned round the body; the avoidance insists on 3 cm
-    least_view_m2: float = 0.03  # a place that shows less unseen floor is not worth the way
+    least_view_m2: float = 0.05  # a place that shows less unseen floor is not worth going to
+    least_yield_m: float = 0.02  # … nor one that shows less for each metre of the way (m² / m)
     way_bonus_m: float = 0.7  # views are weighed by floor shown over the way and this
     place_m: float = 0.25  # places looked at: the best of each square and each of so many headings
     headings: int = 8
@@ -97,6 +98,11 @@ class Explorer:
     @property
     def seen_m2(self) -> float:
         return self._floor.seen_m2
+
+    def clear(self) -> None:
+        """A new mission begins: it has seen nothing yet."""
+        self._floor.clear()
+        self._trail.clear()
 
     def begin(self, task: Task, home: Pose2) -> None:
         self._task = task
@@ -188,7 +194,7 @@ class Explorer:
             if view_m2 < self._config.least_view_m2 or self._is_shunned(ways.poses[node]):
                 continue
             score = view_m2 / (float(ways.costs_m[node]) + self._config.way_bonus_m)
-            if score > best_score:
+            if score > max(best_score, self._config.least_yield_m):
                 best, best_score = node, score
         if best is not None and best > 0:
             self._go(ways.path_to(best))

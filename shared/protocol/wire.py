@@ -119,6 +119,9 @@ COMMANDS: dict[int, Record] = {
     67: Record(m.GoTo, (("goal_id", _U32), ("path", FloatTable(3)))),
     68: Record(m.Drive, (("speed_mps", _MILLI_KNOWN), ("steering_rad", _MILLI_KNOWN))),
     69: Record(m.Heartbeat, ()),
+    71: Record(m.ReturnToStart, ()),
+    72: Record(m.Pause, ()),
+    73: Record(m.Resume, ()),
 }
 
 # The same commands in fewer bytes, for LoRa.

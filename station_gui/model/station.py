@@ -17,8 +17,11 @@ from shared.messages import (
     EmergencyStop,
     Hello,
     Observation,
+    Pause,
     Pulse,
     Report,
+    Resume,
+    ReturnToStart,
     Start,
     Stop,
     Telemetry,
@@ -198,6 +201,16 @@ class Station:
 
     def start(self) -> None:
         self._send(Start())
+
+    def pause(self) -> None:
+        self._send(Pause())
+
+    def resume(self) -> None:
+        self._send(Resume())
+
+    def return_to_start(self) -> None:
+        self._goals.forget()
+        self._send(ReturnToStart())
 
     def stop(self) -> None:
         self._goals.forget()

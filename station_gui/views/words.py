@@ -18,6 +18,8 @@ STATE_NAMES = {
     MissionState.OBSERVE: "Observe",
     MissionState.COMMAND: "Command",
     MissionState.HALTED: "Halted",
+    MissionState.RETURN: "Return",
+    MissionState.PAUSED: "Paused",
 }
 
 _STATE_SENTENCES = {
@@ -25,6 +27,8 @@ _STATE_SENTENCES = {
     MissionState.OBSERVE: "Going round the room and building the first map.",
     MissionState.COMMAND: "The map is there. Send the robot to a place or drive it by hand.",
     MissionState.HALTED: "Halted.",
+    MissionState.RETURN: "Going back to where it started.",
+    MissionState.PAUSED: "Paused: it stands and keeps its mission.",
 }
 
 _STOP_SENTENCES = {
@@ -40,6 +44,10 @@ _STOP_SENTENCES = {
     StopReason.TASK_FAULT: "Stopped: a task of its program failed.",
     StopReason.SHUTDOWN: "Stopped: its program is ending.",
     StopReason.STALLED: "Stopped: the motor pushes and the wheels do not turn, or the encoders failed.",
+    StopReason.TILTED: "Stopped: the robot is tilted.",
+    StopReason.ENCODER_FAULT: "Stopped: an encoder of a wheel failed.",
+    StopReason.SENSORS_DISAGREE: "Stopped: gyro and encoders do not agree; it stands to learn the gyro anew.",
+    StopReason.RESTARTED: "Paused: its program was started again in the middle of a mission.",
 }
 
 _LINK_SENTENCES = {
@@ -187,5 +195,7 @@ def telemetry_sentence(telemetry: Telemetry) -> str:
     state = _STATE_SENTENCES.get(telemetry.state, "")
     parts = [stop or state, *(f"Fault: {fault}." for fault in telemetry.faults)]
     if telemetry.state is MissionState.HALTED:
-        parts.append("Press Start observation to go on.")
+        parts.append("Press Continue to go on, or Start observation to begin anew.")
+    if telemetry.state is MissionState.PAUSED:
+        parts.append("Press Continue to go on.")
     return " ".join(parts)

@@ -4,7 +4,20 @@ import numpy as np
 import pytest
 
 from robot_app.mission import Behaviour, Mission, MissionConfig
-from shared.messages import Drive, EmergencyStop, GoTo, MissionState, Start, Stop, StopReason
+from shared.geometry.se2 import Pose2
+from shared.messages import (
+    Command,
+    Drive,
+    EmergencyStop,
+    GoTo,
+    MissionState,
+    Pause,
+    Resume,
+    ReturnToStart,
+    Start,
+    Stop,
+    StopReason,
+)
 
 PATH = np.zeros((5, 3), np.float32)
 
@@ -124,3 +137,90 @@ def test_the_first_reason_of_a_halt_stands_but_for_an_emergency(mission: Mission
     assert mission.stop_reason is StopReason.LOW_BATTERY
     mission.halt(StopReason.EMERGENCY)
     assert mission.stop_reason is StopReason.EMERGENCY
+
+
+def exploring(mission: Mission) -> Mission:
+    """In the middle of an observation, 2 m ahead of its start, the round over."""
+    mission.explores = True
+    mission.handle(Start(), 0.0)
+    mission.at(Pose2(), 0.0)
+    mission.observed(8.0, came_round=False, is_over=True)
+    mission.at(Pose2(2.0, 0.0, 0.0), 8.0)
+    return mission
+
+
+def test_a_robot_that_explores_does_so_after_its_round_until_nothing_is_left(mission: Mission) -> None:
+    assert exploring(mission).behaviour(0.0) is Behaviour.EXPLORE
+    mission.explored()
+    assert mission.state is MissionState.COMMAND
+
+
+@pytest.mark.parametrize("order", [Pause(), Stop(), EmergencyStop()])
+def test_a_mission_goes_on_where_it_was_paused_or_stopped(mission: Mission, order: Command) -> None:
+    exploring(mission).handle(order, 0.0)
+    assert mission.behaviour(0.0) is Behaviour.STAND
+    assert mission.handle(Resume(), 0.0).accepted
+    assert (mission.behaviour(0.0), mission.stop_reason) == (Behaviour.EXPLORE, StopReason.NONE)
+
+
+def test_a_path_outlasts_a_pause_but_no_stop(mission: Mission) -> None:
+    in_command(mission).handle(GoTo(1, PATH), 0.0)
+    mission.handle(Pause(), 0.0)
+    mission.handle(Resume(), 0.0)
+    assert mission.behaviour(0.0) is Behaviour.FOLLOW_PATH
+    mission.handle(Stop(), 0.0)
+    mission.handle(Resume(), 0.0)
+    assert mission.behaviour(0.0) is Behaviour.STAND
+
+
+@pytest.mark.parametrize("order", [Pause(), Resume(), ReturnToStart()])
+def test_without_a_mission_there_is_nothing_to_pause_go_on_with_or_return_from(
+    mission: Mission, order: Command
+) -> None:
+    assert not mission.handle(order, 0.0).accepted
+
+
+def test_a_robot_back_at_its_start_takes_commands_or_can_go_on_observing(mission: Mission) -> None:
+    assert exploring(mission).handle(ReturnToStart(), 0.0).accepted
+    assert mission.behaviour(0.0) is Behaviour.GO_HOME
+    mission.returned(found_way=True)
+    assert mission.state is MissionState.PAUSED
+    mission.handle(Resume(), 0.0)
+    mission.explored()
+    mission.handle(ReturnToStart(), 0.0)
+    mission.returned(found_way=True)
+    assert mission.state is MissionState.COMMAND
+
+
+def test_a_robot_that_finds_no_way_back_says_so_and_may_try_again(mission: Mission) -> None:
+    exploring(mission).handle(ReturnToStart(), 0.0)
+    mission.returned(found_way=False)
+    assert (mission.state, mission.stop_reason) == (MissionState.PAUSED, StopReason.BLOCKED)
+    mission.handle(Resume(), 0.0)
+    assert mission.behaviour(0.0) is Behaviour.GO_HOME
+
+
+def test_a_robot_that_cannot_plan_does_not_return(mission: Mission) -> None:
+    answer = in_command(mission).handle(ReturnToStart(), 0.0)
+    assert not answer.accepted
+    assert "way back" in answer.reason
+
+
+def test_a_mission_goes_on_after_the_app_was_started_again(mission: Mission) -> None:
+    record = exploring(mission).record
+    again = Mission(MissionConfig())
+    again.explores = True
+    again.restore(record)
+    assert (again.state, again.stop_reason) == (MissionState.PAUSED, StopReason.RESTARTED)
+    again.handle(Resume(), 0.0)
+    again.at(Pose2(), 0.0)
+    again.at(Pose2(1.0, 0.0, 0.0), 1.5)
+    assert again.behaviour(0.0) is Behaviour.EXPLORE
+    assert again.record.distance_m == pytest.approx(9.5)
+    assert again.home == Pose2(-2.0, 0.0, 0.0)
+    assert again.record.robot_from_home == Pose2(-3.0, 0.0, 0.0)
+
+
+def test_without_a_mission_before_the_app_comes_up_idle(mission: Mission) -> None:
+    mission.restore(Mission(MissionConfig()).record)
+    assert mission.state is MissionState.IDLE

@@ -21,8 +21,11 @@ from shared.messages import (
     NumberedCommand,
     ObjectNetwork,
     Observation,
+    Pause,
     Pulse,
     Refusal,
+    Resume,
+    ReturnToStart,
     ScanGeometry,
     Start,
     Stop,
@@ -71,7 +74,17 @@ def pulse(**changes: object) -> Pulse:
 
 def every_message(rng: np.random.Generator) -> list[Message]:
     path = rng.uniform(-40, 40, (30, 3)).astype(np.float32)
-    commands = (Start(), Stop(), EmergencyStop(), GoTo(3, path), Drive(-0.1, 0.4), Heartbeat())
+    commands = (
+        Start(),
+        Stop(),
+        EmergencyStop(),
+        GoTo(3, path),
+        Drive(-0.1, 0.4),
+        Heartbeat(),
+        ReturnToStart(),
+        Pause(),
+        Resume(),
+    )
     corners = ((0.3, -0.1), (0.3, 0.1), (-0.04, 0.1))
     reports: list[Message] = [
         observation(rng),

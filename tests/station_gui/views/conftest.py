@@ -89,6 +89,15 @@ class FakeOperator:
     def start(self) -> None:
         self.calls.append(("start",))
 
+    def pause(self) -> None:
+        self.calls.append(("pause",))
+
+    def resume(self) -> None:
+        self.calls.append(("resume",))
+
+    def return_to_start(self) -> None:
+        self.calls.append(("return_to_start",))
+
     def stop(self) -> None:
         self.calls.append(("stop",))
 

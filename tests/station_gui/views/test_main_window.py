@@ -57,7 +57,14 @@ def test_the_address_of_a_connection_made_elsewhere_is_shown(open_window, operat
 
 @pytest.mark.parametrize(
     ("state", "button", "call"),
-    [(MissionState.IDLE, "start", ("start",)), (MissionState.OBSERVE, "stop", ("stop",))],
+    [
+        (MissionState.IDLE, "start", ("start",)),
+        (MissionState.OBSERVE, "stop", ("stop",)),
+        (MissionState.OBSERVE, "pause", ("pause",)),
+        (MissionState.PAUSED, "pause", ("resume",)),
+        (MissionState.HALTED, "pause", ("resume",)),
+        (MissionState.COMMAND, "go_home", ("return_to_start",)),
+    ],
 )
 def test_command_buttons_ask_for_what_they_say(open_window, operator, scenes, qtbot, state, button, call):
     operator.current = scenes.connected_view(state)
@@ -71,7 +78,9 @@ def test_buttons_are_enabled_where_they_make_sense(open_window, operator, scenes
     operator.current = scenes.connected_view(state, room)
     commands = open_window().commands
     running = state in {MissionState.OBSERVE, MissionState.COMMAND}
-    assert commands.start.isEnabled() is not running
+    assert commands.start.isEnabled() is not (running or state is MissionState.RETURN)
+    assert commands.pause.isEnabled() is (state is not MissionState.IDLE)
+    assert commands.go_home.isEnabled() is (running or state is MissionState.PAUSED)
     assert commands.stop.isEnabled() is (state is not MissionState.HALTED)
     assert commands.go_to.isEnabled() is (state is MissionState.COMMAND)
     assert commands.drive.isEnabled() is running
