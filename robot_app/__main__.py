@@ -18,6 +18,7 @@ from robot_app.config import RobotConfig, load_config
 from robot_app.drivers.base import DeviceError
 from robot_app.drivers.raspberry_pi import open_hardware
 from robot_app.link import open_link
+from robot_app.mission_store import open_store
 from robot_app.real_time import ask_for_real_time, take_priority
 from robot_app.run import run_robot, stop_on_signals
 from robot_app.service import ServiceManager
@@ -78,7 +79,8 @@ def _drive(config: RobotConfig, args: argparse.Namespace) -> int:
         opened.callback(link.close)
         hardware = open_hardware(config.devices, config.car, clock)
         opened.callback(hardware.close)
-        app = RobotApp(hardware, link, clock, config, secrets.randbits(32))
+        store = open_store(config.mission.state_folder, os.environ.get("STATE_DIRECTORY"))
+        app = RobotApp(hardware, link, clock, config, secrets.randbits(32), store)
         _log.info("compiling; this takes a while the first time")
         app.warm_up()
         ask_for_real_time()

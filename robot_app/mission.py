@@ -38,6 +38,7 @@ class MissionConfig:
     drive_hold_radio_s: float = 1.2  # … and over LoRa, where one comes with each turn
     max_path_step_m: float = 0.5  # a path with wider gaps is no path
     max_path_m: float = 500.0
+    state_folder: str = ""  # where the mission is kept over a restart; empty: where systemd says, or nowhere
 
 
 class Behaviour(Enum):

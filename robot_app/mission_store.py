@@ -26,6 +26,12 @@ _MOST_BYTES = 4096
 _EVERY_S = 2.0  # while nothing but the way driven changes
 
 
+def open_store(folder: str, of_service: str | None) -> MissionStore | None:
+    """In `folder`, or where that is empty in the first of the folders that systemd names; None without either."""
+    place = folder or (of_service or "").split(":")[0]
+    return MissionStore(Path(place).expanduser()) if place else None
+
+
 class MissionStore:
     """One thread. It never raises: without a disk the mission goes on, and that is logged when it begins."""
 
