@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import math
 import os
 import select
 import termios
@@ -17,6 +18,9 @@ from shared.link.byte_port import PortStatistics
 
 _READ_BYTES = 4_096
 _WRITE_TIMEOUT_S = 1.0  # 64 bytes at 9600 baud take 67 ms; a port that takes longer than this hangs
+_DRAIN_POLL_S = 0.01
+_ADAPTER_BYTES = 64  # that an adapter may hold when the system has none left
+_STUCK = "takes no bytes. Is the adapter stuck? Unplug it and plug it in again"
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,9 +60,7 @@ class SerialPort:
         try:
             port.write(data)
         except serial.SerialTimeoutException as error:
-            raise LinkError(
-                f"{self.name}: takes no bytes. Is the adapter stuck? Unplug it and plug it in again"
-            ) from error
+            raise LinkError(f"{self.name}: {_STUCK}") from error
         except (OSError, TypeError) as error:  # TypeError: closed by another thread meanwhile
             raise self._lost(error) from error
         self.statistics.written_bytes += len(data)
@@ -81,7 +83,8 @@ class SerialPort:
     def set_baud_rate(self, baud_rate: int) -> bool:
         port = self._open_port()
         try:
-            port.flush()  # what was written goes out at the old rate
+            if not _drained(port):
+                raise LinkError(f"{self.name}: {_STUCK}")
             port.baudrate = baud_rate
         except (OSError, ValueError, TypeError, termios.error) as error:  # the last is no OSError
             raise self._lost(error) from error
@@ -103,6 +106,16 @@ class SerialPort:
             return LinkError(f"{self.name}: the port was closed")
         reason = "the port is gone" if error is None else str(getattr(error, "strerror", None) or error.args[-1])
         return LinkError(f"{self.name}: lost: {reason}. Is the cable still plugged in?")
+
+
+def _drained(port: serial.Serial) -> bool:
+    """Wait until what was written has gone out; `flush` would wait for ever for an adapter that is stuck."""
+    for _ in range(math.ceil(_WRITE_TIMEOUT_S / _DRAIN_POLL_S)):
+        if port.out_waiting == 0:
+            select.select([], [], [], 10.0 * _ADAPTER_BYTES / port.baudrate)
+            return True
+        select.select([], [], [], _DRAIN_POLL_S)
+    return False
 
 
 def _reason(error: Exception) -> str:

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import serial
 
 from shared.link.base import LinkError
 from shared.link.pairing import Pairing
@@ -148,3 +149,12 @@ def test_a_link_that_is_closed_lets_go_of_a_port_that_takes_no_bytes(
     assert "takes no bytes" in pair.health.radios[0].fault
     pair.close()
     SerialPort(wire.path, 115_200).close()
+
+
+def test_a_stuck_adapter_does_not_hold_up_a_change_of_the_rate(
+    port: SerialPort, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serial.Serial, "out_waiting", property(lambda _: 5))
+    monkeypatch.setattr("shared.link.serial_port._WRITE_TIMEOUT_S", 0.02)
+    with pytest.raises(LinkError, match="stuck"):
+        port.set_baud_rate(9_600)
