@@ -105,3 +105,23 @@ def test_without_radios_it_speaks_with_either_kind_of_robot(tmp_path: Path, use:
     assert station.health.lora is None
     station.close()
     robot.close()
+
+
+def test_a_robot_without_radios_is_spoken_with_over_wifi_although_both_are_chosen(tmp_path: Path) -> None:
+    path = tmp_path / "pairing.pem"
+    write_new_pairing(path)
+    robot = Robot(path, "tcp")
+    connect = Connector(MonotonicClock(), 5.0, str(path), RadioConfig())
+    both = replace(robot.target, radio_ports=("/dev/no-such-port",))
+    failover = connect(both)
+    with pytest.raises(LinkError, match="Wi-Fi alone"):
+        for _ in range(500):
+            failover.receive(0.01)
+    assert not failover.mends_itself
+    failover.close()
+    station = connect(both)
+    greeting = station.receive(2.0)
+    assert greeting is not None
+    assert isinstance(Decoder().decode(greeting), Hello)
+    station.close()
+    robot.close()

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Protocol
 
-from shared.link.base import Lane, LinkHealth, LinkStatistics
+from shared.link.base import Lane, LinkError, LinkHealth, LinkStatistics
 
 
 class Kind(IntEnum):
@@ -17,6 +17,10 @@ class Kind(IntEnum):
     COMMAND = 4
     NOW = 5
     NEWEST = 6
+
+
+class SpeaksPlainly(LinkError):
+    """The other side of Wi-Fi is no failover: another link has to be made."""
 
 
 class Radio(Protocol):

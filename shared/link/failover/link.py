@@ -19,7 +19,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from shared.link.base import MAX_DATAGRAM_BYTES, ForRadio, Lane, Link, LinkError, LinkHealth, LinkPath, PathChanged
-from shared.link.failover.base import FailoverStatistics, Kind, Radio
+from shared.link.failover.base import FailoverStatistics, Kind, Radio, SpeaksPlainly
 from shared.link.failover.lanes import Incoming, Kept, Newer, Outgoing
 from shared.link.failover.watch import FailoverConfig, Watch
 from shared.link.radio_pair.items import MOST_SHORT_BYTES
@@ -50,8 +50,6 @@ class Failover:
     Owns no thread: `step`, or `receive`, is called often.
     """
 
-    mends_itself = True
-
     def __init__(
         self,
         connect: Callable[[], Link | None],
@@ -61,7 +59,8 @@ class Failover:
         config: FailoverConfig | None = None,
         when_closed: Callable[[], None] = lambda: None,
     ) -> None:
-        """`connect` does not wait: None while there is nothing yet; it may raise `LinkError`."""
+        """`connect` does not wait: None while there is nothing yet; it may raise `LinkError`. `SpeaksPlainly` is
+        handed on, and ends it."""
         self.statistics = FailoverStatistics()
         self.path = LinkPath.RADIO
         self.resets = 0
@@ -86,6 +85,7 @@ class Failover:
         self._radio_hello_s = self._radio_ack_s = -math.inf
         self._ack_due: set[LinkPath] = set()
         self._was_connected = False
+        self._misfit: SpeaksPlainly | None = None
         self._reset_lanes()
 
     def _reset_lanes(self) -> None:
@@ -96,6 +96,10 @@ class Failover:
         self._newest: dict[int, tuple[bytes, ForRadio | None]] = {}
 
     # ---- as a link
+
+    @property
+    def mends_itself(self) -> bool:
+        return self._misfit is None
 
     @property
     def connected(self) -> bool:
@@ -185,6 +189,8 @@ class Failover:
             self._connected_s = now_s
             try:
                 self._wifi = self._connect()
+            except SpeaksPlainly as error:
+                self._misfit = error
             except LinkError as error:
                 _log.debug("Wi-Fi: %s", error)
             if self._wifi is not None:
@@ -402,3 +408,5 @@ class Failover:
     def _fail_if_closed(self) -> None:
         if self._stop.is_set():
             raise LinkError("the link is closed")
+        if self._misfit is not None:
+            raise self._misfit
