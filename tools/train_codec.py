@@ -11,12 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from shared.command_line import EXIT_MISUSE, EXIT_OK
-from shared.messages import Observation
 from shared.protocol.compact.encoder import Encoder
 from shared.protocol.compact.model import WEIGHT_SHIFT, Model
 from shared.protocol.compact.state import State
-from tools.evaluate.link.codec import recorded, thinned
-from tools.logs.urg import UrgReader
+from tools.evaluate.link.codec import observations_of
 
 _ROUNDS = 2
 _MOST_COUNT = 24  # a counter that comes along is as sure as one that has seen so many
@@ -38,7 +36,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _after(log: Path, model: Model) -> Model:
-    observations: list[Observation] = recorded(log) if log.suffix == ".mcap" else [thinned(o) for o in UrgReader(log)]
+    _, observations = observations_of(log)
     encoder = Encoder(in_order=True, initial=lambda: State(model.copy()))
     for observation in observations:
         encoder.encode(observation)

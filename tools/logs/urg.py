@@ -72,9 +72,13 @@ class _Record:
 
 
 class UrgReader:
-    """Observations of one log, odometry integrated from the wheel ticks and taken when the scan was."""
+    """Observations of one log, odometry integrated from the wheel ticks and taken when the scan was.
 
-    def __init__(self, path: Path) -> None:
+    `corrects`: take the scanner's wave out; without, the distances are the whole millimetres that it sent.
+    """
+
+    def __init__(self, path: Path, *, corrects: bool = True) -> None:
+        self._corrects = corrects
         self._lines = LineSource(path)
         self._path = path
         self.truncated: str | None = None
@@ -90,10 +94,11 @@ class UrgReader:
                 self.truncated = f"{self._path}: line {line.number} is cut: {len(fields)} of {_FIELDS} fields"
                 return
             try:
-                _, ranges = _parse(fields)
+                _, ranges_m = _parse(fields)
             except (ValueError, OverflowError) as error:
                 raise LogError(f"{self._path}: line {line.number}: {error}") from error
-            yield drive.observation(sequence, ranges)
+            ranges_m = true_m(ranges_m) if self._corrects else ranges_m
+            yield drive.observation(sequence, ranges_m.astype(np.float32))
             sequence += 1
         self.truncated = self._lines.cut
         if sequence == 0 and self.truncated is None:
@@ -177,9 +182,10 @@ def _motion(before: _Record, now: _Record, wheels: _Wheels) -> Pose2:
     return Pose2(chord_m * math.cos(turn_rad / 2), chord_m * math.sin(turn_rad / 2), turn_rad)
 
 
-def _parse(fields: list[str]) -> tuple[_Record, NDArray[np.float32]]:
+def _parse(fields: list[str]) -> tuple[_Record, NDArray[np.float64]]:
+    """Stamp and ticks, and the distances as they were sent; NaN where nothing was measured."""
     if len(fields) < _FIELDS:
         raise ValueError(f"{len(fields)} of {_FIELDS} fields")
     millimetres = np.array(fields[_FIRST_BEAM_FIELD:_FIELDS], dtype=np.int32)
-    ranges = np.where(millimetres < _SMALLEST_DISTANCE_MM, np.nan, true_m(millimetres * 1e-3)).astype(np.float32)
-    return _Record(int(fields[0]) * 1e-6, int(fields[2]), int(fields[3])), ranges
+    ranges_m = np.where(millimetres < _SMALLEST_DISTANCE_MM, np.nan, millimetres * 1e-3)
+    return _Record(int(fields[0]) * 1e-6, int(fields[2]), int(fields[3])), ranges_m

@@ -121,3 +121,10 @@ def test_the_recorded_logs_are_read_whole_and_the_cut_one_is_told() -> None:
         reader = UrgReader(_DATA / f"{name}.dat.gz")
         found[name] = (sum(1 for _ in reader), reader.truncated is not None)
     assert found == {"exp1": (756, False), "exp2": (641, False), "test_lab2": (404, True)}
+
+
+def test_the_whole_millimetres_of_the_scanner_are_there_too(tmp_path: Path) -> None:
+    path = tmp_path / "a.dat"
+    path.write_text(_line(0, 0, 0, 1_420))
+    (sent,) = UrgReader(path, corrects=False)
+    np.testing.assert_array_equal(sent.ranges_m, np.full_like(sent.ranges_m, 1.42))

@@ -69,6 +69,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--lab", action="store_true", help="drive a mission in the lab, in lock-step, and take that too"
     )
+    parser.add_argument(
+        "--corrected",
+        action="store_true",
+        help="the logs' distances without the scanner's wave, which has fractions of a "
+        "millimetre (default: the whole millimetres that it sent, as they come off the wire)",
+    )
     parser.add_argument("--seed", type=seed, default=1, help="of the mission and of the losses (default: 1)")
     parser.add_argument("--loss", type=float, default=0.0, metavar="SHARE", help="of the datagrams, as 0.2")
     parser.add_argument(
@@ -106,17 +112,18 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _sources(args: argparse.Namespace) -> Iterable[tuple[str, list[Observation]]]:
-    yield from map(observations_of, args.logs)
+    for log in args.logs:
+        yield observations_of(log, args.corrected)
     if args.lab:
         with quiet(args.verbose):
             observations = lab_mission(args.seed)
         yield "lab", observations
 
 
-def observations_of(log: Path) -> tuple[str, list[Observation]]:
-    """A log's name and what is in it."""
+def observations_of(log: Path, corrects: bool = False) -> tuple[str, list[Observation]]:
+    """A log's name and what is in it; `corrects`: what the scanner gets wrong in a URG-04LX log."""
     name = log.name.split(".")[0]
-    return name, recorded(log) if log.suffix == ".mcap" else [thinned(o) for o in UrgReader(log)]
+    return name, recorded(log) if log.suffix == ".mcap" else [thinned(o) for o in UrgReader(log, corrects=corrects)]
 
 
 def recorded(path: Path) -> list[Observation]:
