@@ -6,7 +6,9 @@ edges are, and an edge is when along half of what can be seen of it a nearly upr
 `phantom_objects`: those that lie farther than 10 cm from every true surface over more than half of their length.
 `height_error_m`: RMS, over the found things whose upper rim was in view, of the highest point of the map that is
 nearer to this thing than to any other, against its true height. `edge_rmse_m`: of every 2 cm of the nearly upright
-edges in the map that are within 10 cm of a corner of anything true, how far they are from it, across.
+edges in the map that are within 10 cm of a corner of anything true, how far they are from it, across. `stray_edges`:
+the share of all that is drawn with no edge of anything true within 4 cm. `drawn_times`: by how many edges of the map
+the true ones are drawn, in the mean over every 2 cm of them by which something runs.
 """
 
 from __future__ import annotations
@@ -41,6 +43,8 @@ class ObjectError:
     object_recall: float
     phantom_objects: int
     height_error_m: float
+    stray_edges: float
+    drawn_times: float
     objects: int  # in the map
     true_objects: int  # that can have been seen
     missed: tuple[str, ...]
@@ -53,6 +57,7 @@ def object_error(objects: ObjectMap, world: TrueWorld, things: SeenThings) -> Ob
     off_m = np.abs(world.signed_distance_m(points_m))
     upright_m = segments_m[_is_upright(segments_m)]
     found = _found_items(things, _found_edges(upright_m, things.edges))
+    stray, times = _drawn(points_m, segment, world.edge_lines_m())
     names = [world.scenario.items[k].name for k in things.items if k not in found]
     return ObjectError(
         object_rmse_m=_rms(off_m),
@@ -60,6 +65,8 @@ def object_error(objects: ObjectMap, world: TrueWorld, things: SeenThings) -> Ob
         object_recall=len(found) / len(things.items) if things.items else math.nan,
         phantom_objects=_phantoms(off_m, objects.cluster[segment]),
         height_error_m=_height_error_m(points_m[off_m < _PHANTOM_M], world, things, found),
+        stray_edges=stray,
+        drawn_times=times,
         objects=len(np.unique(objects.cluster)),
         true_objects=len(things.items),
         missed=tuple(names),
@@ -105,6 +112,18 @@ def _across_m(upright_m: NDArray[np.floating], corner_lines_m: FloatArray) -> Fl
     known = nearest < len(true_m)
     off_m = points_m[known, :2] - true_m[nearest[known], :2]
     return np.asarray(np.hypot(off_m[:, 0], off_m[:, 1]), dtype=np.float64)
+
+
+def _drawn(points_m: FloatArray, segment: NDArray[np.int64], edge_lines_m: FloatArray) -> tuple[float, float]:
+    """The share of the points far from every true edge, and by how many segments what is drawn of these is drawn."""
+    if len(points_m) == 0:
+        return math.nan, math.nan
+    true_m = sampled(edge_lines_m, STEP_M)[0]
+    nearest = np.asarray(cKDTree(true_m).query(points_m, distance_upper_bound=_EDGE_NEAR_M)[1], dtype=np.int64)
+    known = nearest < len(true_m)
+    pairs = np.unique(np.column_stack((nearest, segment))[known], axis=0)
+    times = len(pairs) / len(np.unique(pairs[:, 0])) if len(pairs) else math.nan
+    return 1.0 - float(np.mean(known)), times
 
 
 def _phantoms(off_m: FloatArray, cluster: NDArray[np.int32]) -> int:

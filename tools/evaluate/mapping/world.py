@@ -43,6 +43,13 @@ class TrueWorld:
             lines += [[(x, y, low_m), (x, y, high_m)] for x, y in solid.corners_m().tolist()]
         return np.array(lines)
 
+    def edge_lines_m(self) -> FloatArray:
+        """(E, 2, 3): all twelve edges of every box, room frame."""
+        around = ((0, 1), (1, 2), (2, 3), (3, 0))
+        upright_m = self.corner_lines_m().reshape(-1, 4, 2, 3)  # of each box, one corner after the other
+        level_m = [upright_m[:, (a, b), end] for end in range(2) for a, b in around]
+        return np.concatenate((upright_m.reshape(-1, 2, 3), *level_m))
+
     def _nearest(self, points_m: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
         distance_m, nearest = np.empty(len(points_m)), np.zeros(len(points_m), np.int64)
         nearest_surface(np.ascontiguousarray(points_m), self.boxes, distance_m, nearest)

@@ -81,7 +81,20 @@ def test_an_edge_that_is_there_twice_counts_twice(
     outline: Outline, map_of: MakeMap, world: TrueWorld, things: SeenThings
 ) -> None:
     twice = map_of(outline(*BOX)[:4], outline(*BOX, shift_m=0.03)[:4])
-    assert object_error(twice, world, things).edge_rmse_m == pytest.approx(0.03 / math.sqrt(2), abs=1e-3)
+    error = object_error(twice, world, things)
+    assert error.edge_rmse_m == pytest.approx(0.03 / math.sqrt(2), abs=1e-3)
+    assert error.drawn_times == pytest.approx(2.0, abs=0.15)
+    assert error.stray_edges == pytest.approx(0.0)
+
+
+def test_edges_in_the_middle_of_a_face_are_stray(
+    outline: Outline, map_of: MakeMap, world: TrueWorld, things: SeenThings
+) -> None:
+    ring = outline(BOX[0], (0.4, 0.6, 0.25))[8:]
+    error = object_error(map_of(outline(*BOX), ring), world, things)
+    drawn_m = 4 * 0.5 + 3 * 2.0
+    assert error.stray_edges == pytest.approx((2.0 - 8 * 0.04) / drawn_m, abs=0.02)
+    assert error.drawn_times == pytest.approx(1.0, abs=0.1)
 
 
 def test_lying_edges_find_no_upright_one(
