@@ -16,7 +16,7 @@ _LATE_S = 0.020  # USB, the transceiver, a busy computer: an answer may be heard
 class PairConfig:
     """The defaults are those of docs/link.md, where the table says what a shorter or longer turn costs."""
 
-    turn_s: float = 0.8  # while data flow, the station is asked so often: what a command waits at most, without losses
+    turn_s: float = 1.0  # while data flow, the station is asked so often: what a command waits at most, without losses
     idle_turn_s: float = 0.25  # while there is nothing to send
     tail_turn_s: float = 0.12  # when all is sent and not all is acknowledged
     retry_turn_s: float = 0.05  # after a turn that was lost
