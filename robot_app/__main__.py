@@ -13,8 +13,10 @@ from itertools import chain
 from pathlib import Path
 
 from robot_app.app import RobotApp
+from robot_app.calibrate.command import PROCEDURES, calibrate
+from robot_app.calibrate.guide import Terminal
 from robot_app.check import check_devices, check_radios, table_row
-from robot_app.config import RobotConfig, load_config
+from robot_app.config import AnyRobotConfig, RobotConfig, load_any_config, load_config
 from robot_app.drivers.base import DeviceError
 from robot_app.drivers.raspberry_pi import open_hardware
 from robot_app.link import open_link
@@ -38,8 +40,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "command",
         nargs="?",
-        choices=("check",),
-        help="check: open each device and radio in turn, print what it says, and end; no wheel turns",
+        choices=("check", "calibrate"),
+        help="check: open each device and radio in turn, print what it says, and end; no wheel turns. "
+        "calibrate: measure what is named next and write it into --config",
+    )
+    parser.add_argument(
+        "what", nargs="?", choices=tuple(PROCEDURES), help="to calibrate; docs/robot.md tells the order"
     )
     parser.add_argument("--config", metavar="FILE", type=Path, help="robot.toml instead of the one that comes along")
     parser.add_argument(
@@ -56,19 +62,26 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _check(config: RobotConfig) -> int:
+def _check(config: AnyRobotConfig) -> int:
     """A line for each device as it is looked at; exit code 1 when one is missing."""
     missing = 0
     print(table_row(None), flush=True)  # noqa: T201 - the command's own words
     clock = MonotonicClock()
     radios = check_radios(config.radio, clock) if config.link.use != "tcp" else ()
-    for finding in chain(check_devices(config.devices, config.car, clock), radios):
+    for finding in chain(check_devices(config.devices, config.body, clock), radios):
         print(table_row(finding), flush=True)  # noqa: T201
         missing += not finding.found
     return EXIT_FAILED if missing else EXIT_OK
 
 
-def _drive(config: RobotConfig, args: argparse.Namespace) -> int:
+def _calibrate(config: RobotConfig, args: argparse.Namespace) -> int:
+    if args.what is None:
+        raise Refused(f"calibrate what? One of {', '.join(PROCEDURES)}")
+    clock = MonotonicClock()
+    return EXIT_OK if calibrate(args.what, config, args.config, Terminal(clock), clock) else EXIT_FAILED
+
+
+def _drive(config: AnyRobotConfig, args: argparse.Namespace) -> int:
     stop, clock = stop_on_signals(), MonotonicClock()
     bind = config.link.bind if args.bind is None else args.bind
     port = config.link.port if args.port is None else args.port
@@ -77,7 +90,7 @@ def _drive(config: RobotConfig, args: argparse.Namespace) -> int:
         opened_link = open_link(config, clock)
         link = opened_link.link
         opened.callback(link.close)
-        hardware = open_hardware(config.devices, config.car, clock)
+        hardware = open_hardware(config.devices, config.body, clock)
         opened.callback(hardware.close)
         store = open_store(config.mission.state_folder, os.environ.get("STATE_DIRECTORY"))
         app = RobotApp(hardware, link, clock, config, secrets.randbits(32), store)
@@ -102,7 +115,11 @@ def _new_pairing(path: Path) -> int:
 def _work(args: argparse.Namespace) -> int:
     if args.new_pairing is not None:
         return _new_pairing(args.new_pairing.expanduser())
-    config = load_config(args.config)
+    if args.what is not None and args.command != "calibrate":
+        raise Refused(f"{args.command} takes no {args.what}; it looks at everything")
+    if args.command == "calibrate":
+        return _calibrate(load_config(args.config), args)
+    config = load_any_config(args.config)
     return _check(config) if args.command == "check" else _drive(config, args)
 
 

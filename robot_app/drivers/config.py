@@ -7,6 +7,7 @@ from typing import Literal
 
 FULL_SCALES_V = (6.144, 4.096, 2.048, 1.024, 0.512, 0.256)  # ADS1115, in the order of its codes
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
+Symmetric = tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,11 +70,27 @@ class ImuConfig:
     rate_hz: Literal[119, 238] = 238
     gyro_axes: tuple[Axis, Axis, Axis] = ("x", "y", "z")
     acceleration_axes: tuple[Axis, Axis, Axis] = ("x", "y", "z")
+    gyro_bias_radps: tuple[float, float, float] = (0.0, 0.0, 0.0)  # at rest, robot axes; the app learns what is left
+    acceleration_bias_mps2: tuple[float, float, float] = (0.0, 0.0, 0.0)  # the same, gravity apart
 
     def __post_init__(self) -> None:
-        for axes in (self.gyro_axes, self.acceleration_axes):
-            if sorted(axis[-1] for axis in axes) != ["x", "y", "z"]:
-                raise ValueError(f"axes must name x, y and z once each, not {', '.join(axes)}")
+        _check_axes(self.gyro_axes)
+        _check_axes(self.acceleration_axes)
+        _check_address(self.address)
+
+
+@dataclass(frozen=True, slots=True)
+class MagnetometerConfig:
+    """That of the LSM9DS1. The robot does not drive by it: `robot-app check` shows it."""
+
+    bus: int = 1
+    address: int = 0x1E  # 0x1C when SDO_M is tied low
+    axes: tuple[Axis, Axis, Axis] = ("-x", "y", "z")  # of the chip, forward, left and up; its x is turned round
+    offset_ut: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the robot's own magnets, robot axes
+    matrix: Symmetric = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)  # xx, yy, zz, xy, xz, yz: against the robot's iron
+
+    def __post_init__(self) -> None:
+        _check_axes(self.axes)
         _check_address(self.address)
 
 
@@ -195,6 +212,7 @@ class DeviceConfig:
     scanner: ScannerConfig = field(default_factory=ScannerConfig)
     camera: DepthCameraConfig = field(default_factory=DepthCameraConfig)
     imu: ImuConfig = field(default_factory=ImuConfig)
+    magnetometer: MagnetometerConfig = field(default_factory=MagnetometerConfig)
     power: PowerConfig = field(default_factory=PowerConfig)
     encoders: EncoderConfig = field(default_factory=EncoderConfig)
     drive: DriveConfig = field(default_factory=DriveConfig)
@@ -211,6 +229,11 @@ class DeviceConfig:
         twice = sorted({line for chip, line in used if used.count((chip, line)) > 1})
         if twice:
             raise ValueError(f"GPIO lines used twice: {', '.join(map(str, twice))}")
+
+
+def _check_axes(axes: tuple[Axis, Axis, Axis]) -> None:
+    if sorted(axis[-1] for axis in axes) != ["x", "y", "z"]:
+        raise ValueError(f"axes must name x, y and z once each, not {', '.join(axes)}")
 
 
 def _check_address(address: int) -> None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import struct
 import threading
-from dataclasses import dataclass
 
+from robot_app.drivers.axes import AxisMap, axis_map, mapped
 from robot_app.drivers.base import DeviceError, ImuSample
-from robot_app.drivers.config import Axis, ImuConfig
+from robot_app.drivers.config import ImuConfig
 from robot_app.drivers.i2c import I2cDevice
 from robot_app.drivers.lost import Reopening
 from shared.runtime.clock import Clock
@@ -32,20 +32,14 @@ _RADPS_PER_DIGIT = math.radians(8.75e-3)  # at 245 degrees a second
 _MPS2_PER_DIGIT = 0.061e-3 * 9.80665  # at 2 g
 
 
-@dataclass(frozen=True, slots=True)
-class _AxisOf:
-    index: int
-    sign: float
-
-
 class Lsm9ds1:
     """A sample is stamped when the robot moved so: half a period and the delay of the low pass before it was read."""
 
     def __init__(self, config: ImuConfig, clock: Clock) -> None:
         self._clock = clock
         self._config = config
-        self._gyro_axes = _axes(config.gyro_axes)
-        self._acceleration_axes = _axes(config.acceleration_axes)
+        self._gyro_axes = axis_map(config.gyro_axes)
+        self._acceleration_axes = axis_map(config.acceleration_axes)
         self._reopening = Reopening(clock, _REOPEN_EVERY_S)
         self._never = threading.Event()
         self._closed = False
@@ -106,23 +100,18 @@ class Lsm9ds1:
             self._pause(min(due_s - now_s, 0.25 / self._config.rate_hz))
 
     def _sample(self, now_s: float, gyro: bytes, acceleration: bytes) -> ImuSample:
+        c = self._config
         return ImuSample(
             now_s - self._age_s,
-            _mapped(gyro, self._gyro_axes, _RADPS_PER_DIGIT),
-            _mapped(acceleration, self._acceleration_axes, _MPS2_PER_DIGIT),
+            _measured(gyro, self._gyro_axes, _RADPS_PER_DIGIT, c.gyro_bias_radps),
+            _measured(acceleration, self._acceleration_axes, _MPS2_PER_DIGIT, c.acceleration_bias_mps2),
         )
 
     def _pause(self, seconds: float) -> None:
         self._clock.wait(self._never, self._clock.now_s() + seconds)
 
 
-def _axes(names: tuple[Axis, Axis, Axis]) -> tuple[_AxisOf, _AxisOf, _AxisOf]:
-    x, y, z = (_AxisOf("xyz".index(name[-1]), -1.0 if name.startswith("-") else 1.0) for name in names)
-    return x, y, z
-
-
-def _mapped(data: bytes, axes: tuple[_AxisOf, _AxisOf, _AxisOf], scale: float) -> tuple[float, float, float]:
-    """Six bytes, little-endian, to robot axes."""
-    digits = struct.unpack("<3h", data)
-    x, y, z = (axis.sign * scale * digits[axis.index] for axis in axes)
-    return x, y, z
+def _measured(data: bytes, axes: AxisMap, scale: float, bias: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Six bytes, little-endian, to robot axes without their bias."""
+    x, y, z = mapped(struct.unpack("<3h", data), axes, scale)
+    return x - bias[0], y - bias[1], z - bias[2]

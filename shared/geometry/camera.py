@@ -45,20 +45,24 @@ class Intrinsics:
 
 @dataclass(frozen=True, slots=True)
 class CameraMount:
-    """Where the camera sits: forward of and above the robot's origin, and how far it looks down."""
+    """Where the camera sits: forward of and above the robot's origin, how far it looks down, leans and looks aside."""
 
     x_m: float
     z_m: float
     pitch_down_rad: float
+    roll_right_rad: float = 0.0  # about the direction it looks in; positive with its right side down
+    yaw_left_rad: float = 0.0
 
     def robot_from_optical(self) -> NDArray[np.float64]:
         """(4, 4): optical frame (x right, y down, z forward) to robot frame (x forward, y left, z up)."""
         c, s = math.cos(self.pitch_down_rad), math.sin(self.pitch_down_rad)
-        return np.array(
-            [
-                [0.0, -s, c, self.x_m],
-                [-1.0, 0.0, 0.0, 0.0],
-                [0.0, -c, -s, self.z_m],
-                [0.0, 0.0, 0.0, 1.0],
-            ]
-        )
+        pitched = np.array([[0.0, -s, c], [-1.0, 0.0, 0.0], [0.0, -c, -s]])
+        matrix = np.eye(4)
+        matrix[:3, :3] = _about_z(self.yaw_left_rad) @ pitched @ _about_z(self.roll_right_rad)
+        matrix[:3, 3] = self.x_m, 0.0, self.z_m
+        return matrix
+
+
+def _about_z(angle_rad: float) -> NDArray[np.float64]:
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from shared.geometry.ackermann import CarGeometry
 from shared.runtime.clock import MonotonicClock
-from tools.simulator.devices.gpio import GpioChip
 from tools.simulator.devices.pty_server import PtyServer
 from tools.simulator.devices.pwm import PwmFolder
 from tools.simulator.devices.realsense import Camera
@@ -70,16 +69,6 @@ def attach(request: pytest.FixtureRequest) -> Iterator[Attach]:
     yield attached
     for server in servers:
         server.close()
-
-
-@pytest.fixture
-def gpio(monkeypatch: pytest.MonkeyPatch) -> GpioChip:
-    """GPIO lines under the name of gpiod."""
-    chip = GpioChip()
-    library = chip.library()
-    monkeypatch.setitem(sys.modules, "gpiod", library)
-    monkeypatch.setitem(sys.modules, "gpiod.line", library.line)
-    return chip
 
 
 @pytest.fixture
