@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import logging
 import math
-import threading
 from collections.abc import Callable
 from importlib.metadata import version
 
 from robot_app import schedule
-from robot_app.config import RobotConfig
+from robot_app.config import AnyRobotConfig
 from robot_app.drivers.base import (
     Count,
     DeviceError,
-    DriveSetting,
     Hardware,
     ImuSample,
     PowerSample,
@@ -24,22 +22,18 @@ from robot_app.mission import RUNNING, Mission
 from robot_app.mission_store import MissionStore
 from robot_app.perception.identity.tracker import ObjectTracker
 from robot_app.perception.object_extractor import ObjectExtractor
-from robot_app.pilot import Pilot
-from robot_app.pilot import warm_up as warm_up_control
-from robot_app.safety.blind_brake import BlindBrake
+from robot_app.platform import StallWatches, hello_of, make_platform, warm_up_control
 from robot_app.safety.guard import Guard
 from robot_app.safety.motion import STANDS_S, Alarm, MotionWatch
+from robot_app.safety.motors import Motors
 from robot_app.safety.plausible import ImuWatch, ScanWatch
-from robot_app.safety.stall import StallWatch
 from robot_app.sensing.observation import observe
-from robot_app.sensing.odometry import Odometry
 from robot_app.sensing.scan_filter import thin, thinned_geometry
 from robot_app.uplink import Uplink
 from shared.link.base import Link, LinkPath
 from shared.messages import (
     Command,
     EmergencyStop,
-    Hello,
     MissionState,
     ObjectNetwork,
     Start,
@@ -53,11 +47,11 @@ from shared.runtime.runner import OnFault, Row, Task, TaskHealth
 
 _log = logging.getLogger(__name__)
 _READ_TIMEOUT_S = 0.015
-_LOCK_TIMEOUT_S = 0.05
 _OBSERVE_S = 0.1
 _GENTLE = {StopReason.NONE, StopReason.COMMAND_SILENCE, StopReason.LOW_BATTERY, StopReason.OVER_TEMPERATURE}
-_CUT = {StopReason.EMERGENCY, StopReason.STALLED, StopReason.TILTED}
-_CONTROL_HUNG_S = 0.25  # without a control tick for so long the motor is cut from another thread
+_CUT = {StopReason.EMERGENCY}
+_HARD = {StopReason.STALLED, StopReason.TILTED, StopReason.ENCODER_FAULT, StopReason.SENSORS_DISAGREE}
+_CONTROL_HUNG_S = 0.06  # without a whole control tick for so long another thread brakes
 
 
 class RobotApp:
@@ -68,7 +62,7 @@ class RobotApp:
         hardware: Hardware,
         link: Link,
         clock: Clock,
-        config: RobotConfig,
+        config: AnyRobotConfig,
         boot_id: int,
         store: MissionStore | None = None,
     ) -> None:
@@ -78,34 +72,29 @@ class RobotApp:
         self._clock = clock
         self._config = config
         self._geometry = thinned_geometry(hardware.scanner.geometry)
-        self._odometry = Odometry(config.odometry, config.car)
         self._mission = Mission(config.mission)
         self._store = store
         if store is not None:
             self._mission.restore(store.load())
-        self._pilot = Pilot(config.car, config.control, self._mission, self._odometry)
+        platform = make_platform(config, self._mission)
+        self._odometry, self._pilot = platform.odometry, platform.pilot
         self._extractor = ObjectExtractor(config.perception, hardware.camera.intrinsics, config.camera)
         self._tracker = ObjectTracker(config.perception.tracking)
         self._guard = Guard(config.safety, schedule.SCAN.max_age_s, schedule.ODOMETRY.max_age_s, clock.now_s())
-        self._stall = StallWatch(config.safety.stall)
-        hello = Hello(
-            config.name, version("low-bandwidth-mapper"), config.car.footprint_m(), config.car.min_turning_radius_m
-        )
-        self._uplink = Uplink(link, hello)
+        self._stall = StallWatches(config.safety.stall)
+        self._uplink = Uplink(link, hello_of(config, version("low-bandwidth-mapper")))
         self._scan: Latest[RawScan] = Latest()
         self._objects: Latest[ObjectNetwork] = Latest()
         self._power: Latest[PowerSample] = Latest()
         self._temperature: Latest[TemperatureSample] = Latest()
-        self._drive_lock = threading.Lock()
         self._standing_reason = StopReason.NONE
         self._control_s = clock.now_s()
-        self._duty = 0.0  # as it was last set
-        self._blind_brake = BlindBrake()
-        self._knew_speed = self._has_lost_motion = False
+        self._motors = Motors(hardware.drive, self._pilot.pushing, self._pilot.cut)
+        self._has_lost_motion = False
         self._halt_text = ""
         self._scan_watch, self._imu_watch = ScanWatch(config.safety.min_beams), ImuWatch()
         self._motion_watch = MotionWatch(
-            config.safety, config.car.track_m, config.odometry.metres_per_tick(config.car.wheel_radius_m)
+            config.safety, config.body, config.odometry.metres_per_tick(config.body.wheel_radius_m)
         )
         self._is_shut = False
         self._sequence = 0
@@ -120,7 +109,7 @@ class RobotApp:
         self._uplink.warm_up()
         self._extractor.warm_up()
         self._tracker.warm_up()
-        warm_up_control(self._config.car, self._config.control, self._geometry)
+        warm_up_control(self._config, self._geometry)
 
     def tasks(self) -> list[Task]:
         """In the order of the schedule's table."""
@@ -143,15 +132,15 @@ class RobotApp:
         self._health = health
 
     def on_fault(self, row: Row, error: Exception) -> None:
-        """What can move stops first. A car without its odometry is braked by the next control tick."""
-        if row.on_fault is OnFault.HALT and row is not schedule.ODOMETRY:
-            self._cut_motor()
+        """What can move stops first; where it is not the control that failed, its next tick goes on braking."""
+        if row.on_fault is OnFault.HALT:
+            self._brake(self._clock.now_s())
 
     def stop_for_good(self) -> None:
         """Cut the motor and keep it cut, whatever the tasks still do; the first thing to call at the end."""
         self._is_shut = True
         self._mission.halt(StopReason.SHUTDOWN)
-        self._cut_motor()
+        self._motors.cut()
 
     def shut_down(self) -> None:
         """Say that it is over and let go of the devices; call it after the tasks have ended."""
@@ -182,7 +171,9 @@ class RobotApp:
 
     def _watch_motion(self, count: Count | None, imu: ImuSample | None) -> None:
         now_s, state = self._clock.now_s(), self._odometry.state
-        alarm = self._motion_watch.update(now_s, count, imu, (state.speed_mps, state.yaw_rate_radps), self._duty)
+        alarm = self._motion_watch.update(
+            now_s, count, imu, (state.speed_mps, state.yaw_rate_radps), self._motors.applied
+        )
         if alarm is not None:
             self._take_alarm(alarm, now_s)
 
@@ -195,8 +186,8 @@ class RobotApp:
             self._guard.pause(alarm.reason, now_s + STANDS_S)
         if alarm.reason is StopReason.SENSORS_DISAGREE:
             self._odometry.doubt_bias()
-        self._cut_motor()
-        self._blind_brake.begin(now_s, alarm.speed_mps)
+        state = self._odometry.state
+        self._motors.brake(now_s, state.fastest_mps, alarm.speed_mps == 0.0, alarm.speed_mps)
 
     def _read_scan(self) -> None:
         raw = self._hardware.scanner.read(_READ_TIMEOUT_S)
@@ -205,7 +196,6 @@ class RobotApp:
 
     def _control(self) -> None:
         now_s = self._clock.now_s()
-        self._control_s = now_s
         slow = self._uplink.path is LinkPath.RADIO
         safety = self._config.safety
         self._mission.slow_link = slow
@@ -214,41 +204,32 @@ class RobotApp:
         if scan is not None:
             self._pilot.take_scan(scan.value, self._geometry)
         reason = self._reason_to_stand(now_s)
-        with self._drive_lock:
-            if self._must_cut(now_s):
-                self._stop_motor(now_s)
-            else:
-                self._drive(now_s, may_move=reason is StopReason.NONE)
+        if self._must_cut():
+            self._motors.cut()
+        elif self._must_brake(now_s, reason):
+            self._brake(now_s)
+        else:
+            self._drive(now_s, may_move=reason is StopReason.NONE)
+        self._control_s = now_s
 
     def _drive(self, now_s: float, may_move: bool) -> None:
         setting = self._pilot.step(now_s, may_move)
-        if not (math.isfinite(setting.duty) and math.isfinite(setting.steering_rad)):
+        if not setting.is_finite:
             raise ValueError(f"the controllers ask for {setting}, which is no setting")
-        applied = self._hardware.drive.set(setting)
-        self._duty = applied.duty if isinstance(applied, DriveSetting) else 0.0
-        self._knew_speed = True
-        if self._stall.update(now_s, self._duty, self._odometry.state.speed_mps):
+        applied = self._motors.set(setting)
+        if self._stall.update(now_s, applied, self._odometry.state):
             self._mission.halt(StopReason.STALLED)
-            self._stop_motor(now_s)
+            self._motors.cut()
 
-    def _stop_motor(self, now_s: float) -> None:
-        """Cut, but for the braking where the speed is not known any more."""
-        self._pilot.cut()
-        if self._knew_speed and self._is_blind(now_s):
-            self._blind_brake.begin(now_s, self._odometry.state.speed_mps)
-        self._knew_speed = False
-        self._duty = self._blind_brake.duty(now_s)
-        if self._duty:
-            self._hardware.drive.set(DriveSetting(self._duty, self._pilot.state.steering_rad))
-        else:
-            self._hardware.drive.stop()
+    def _brake(self, now_s: float) -> None:
+        self._motors.brake(now_s, self._odometry.state.fastest_mps, not self._is_blind(now_s))
 
     def _take_commands(self) -> None:
         now_s = self._clock.now_s()
         self._uplink.receive(now_s, self._handle, lambda: self._guard.heard(now_s), self._change_hands)
         self._uplink.greet(now_s)
         if now_s - self._control_s > _CONTROL_HUNG_S:
-            self._hardware.drive.stop()  # without the lock, which the hung thread may hold
+            self._brake(now_s)
 
     def _read_depth(self) -> None:
         image = self._hardware.camera.read(_READ_TIMEOUT_S)
@@ -340,7 +321,7 @@ class RobotApp:
         if isinstance(command, Start) and answer.accepted:
             self._halt_text = ""
         if isinstance(command, EmergencyStop):
-            self._cut_motor()
+            self._motors.cut()
         if isinstance(command, Stop | EmergencyStop):
             _log.warning("stopped by the operator")
         return answer.accepted, answer.reason
@@ -357,8 +338,6 @@ class RobotApp:
             self._standing_reason = reason
             if self._mission.state in RUNNING:
                 _log.warning("standing: %s", reason.name if reason is not StopReason.NONE else "may move again")
-            if reason not in _GENTLE:
-                self._pilot.cut()  # what its speed was to be is over: the car brakes as hard as it can
         running = self._mission.state in RUNNING
         if running and self._guard.silence_s(now_s) > self._config.safety.resume_within_s:
             self._mission.halt(StopReason.COMMAND_SILENCE)
@@ -373,11 +352,16 @@ class RobotApp:
             return StopReason.BLOCKED
         return self._standing_reason
 
-    def _must_cut(self, now_s: float) -> bool:
-        """Braking by the speed loop needs the speed: without it, or in an emergency, the motor is cut instead."""
-        halted = self._mission.state is MissionState.HALTED
-        at_once = halted and self._mission.stop_reason in _CUT
-        return self._is_shut or at_once or self._is_blind(now_s)
+    def _must_cut(self) -> bool:
+        return self._is_shut or self._halted_for() in _CUT
+
+    def _must_brake(self, now_s: float, reason: StopReason) -> bool:
+        """Harder than the speed loop does it, which has what the loop needs."""
+        return self._is_blind(now_s) or reason not in _GENTLE or self._halted_for() in _HARD
+
+    def _halted_for(self) -> StopReason:
+        """`NONE` while it is not halted."""
+        return self._mission.stop_reason if self._mission.state is MissionState.HALTED else StopReason.NONE
 
     def _is_blind(self, now_s: float) -> bool:
         return self._has_lost_motion or self._odometry.speed_age_s(now_s) > schedule.ODOMETRY.max_age_s
@@ -385,17 +369,6 @@ class RobotApp:
     def _is_news(self, objects_stamp_s: float) -> bool:
         fresh = self._clock.now_s() - objects_stamp_s <= schedule.DEPTH.max_age_s
         return fresh and objects_stamp_s > self._sent_objects_s
-
-    def _cut_motor(self) -> None:
-        """Waits for a control tick under way, but not for one that hangs."""
-        waited = self._drive_lock.acquire(timeout=_LOCK_TIMEOUT_S)
-        try:
-            self._hardware.drive.stop()
-            self._blind_brake.begin(self._clock.now_s(), 0.0)
-        finally:
-            if waited:
-                self._pilot.cut()
-                self._drive_lock.release()
 
     def _watched(self, row: Row, step: Callable[[], None]) -> Callable[[], None]:
         """A task without which the car must not move keeps it from moving while it fails."""

@@ -6,10 +6,12 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from robot_app.drivers.base import Count, EncoderCount, ImuSample
+from robot_app.drivers.base import Count, DriveSetting, EncoderCount, ImuSample, Setting
 from robot_app.safety.bands import SafetyConfig
 from robot_app.safety.tilt import TiltWatch
 from robot_app.safety.wheels import WheelFault, WheelWatch
+from shared.geometry.ackermann import CarGeometry
+from shared.geometry.omni3 import OmniGeometry
 from shared.messages import StopReason
 
 STANDS_S = 1.5  # after a disagreement: 0.3 s until the car counts as standing, and 1.2 s for the gyro's bias
@@ -27,38 +29,49 @@ class Alarm:
 
 
 class MotionWatch:
-    """Asked only while a mission runs; call `forget` otherwise: whoever carries the robot may turn its wheels."""
+    """For all robots the tilt, for a car the wheels.
 
-    def __init__(self, config: SafetyConfig, track_m: float, metres_per_tick: float) -> None:
+    Asked only while a mission runs; call `forget` otherwise: whoever carries the robot may turn its wheels.
+    """
+
+    def __init__(self, config: SafetyConfig, body: CarGeometry | OmniGeometry, metres_per_tick: float) -> None:
         self._tilt = TiltWatch(config.tilt)
-        self._wheels = WheelWatch(config.wheels, track_m, metres_per_tick)
+        car = body if isinstance(body, CarGeometry) else None
+        self._wheels = WheelWatch(config.wheels, car.wheelbase_m, metres_per_tick) if car is not None else None
         self._apart_s: deque[float] = deque(maxlen=_MANY)
         self._rests_until_s = -math.inf
 
     def forget(self) -> None:
-        self._wheels.forget()
+        if self._wheels is not None:
+            self._wheels.forget()
         self._apart_s.clear()
 
     def update(
-        self, now_s: float, count: Count | None, imu: ImuSample | None, motion: tuple[float, float], duty: float
+        self,
+        now_s: float,
+        count: Count | None,
+        imu: ImuSample | None,
+        motion: tuple[float, float],
+        applied: Setting | None,
     ) -> Alarm | None:
-        """`motion`: forward speed and yaw rate by the odometry; `duty` as it was last set."""
+        """`motion`: forward speed and yaw rate by the odometry; `applied` by the drive, None while it is cut."""
         if imu is not None and self._tilt.update(imu):
             return Alarm(StopReason.TILTED, "the robot is tilted")
         speed_mps, yaw_rate_radps = motion
-        if not isinstance(count, EncoderCount):
+        if self._wheels is None or not isinstance(count, EncoderCount):
             return None
-        fault = self._wheels.update(count, yaw_rate_radps, speed_mps, duty)
+        setting = applied if isinstance(applied, DriveSetting) else None
+        fault = self._wheels.update(count, yaw_rate_radps, speed_mps, setting)
         if fault is None or now_s < self._rests_until_s:
             return None
         self._wheels.forget()
-        return self._wheel_alarm(fault, now_s)
+        return self._wheel_alarm(fault, now_s, self._wheels.speed_before_mps)
 
-    def _wheel_alarm(self, fault: WheelFault, now_s: float) -> Alarm:
+    def _wheel_alarm(self, fault: WheelFault, now_s: float, speed_before_mps: float) -> Alarm:
         if fault is WheelFault.SILENT:
-            return Alarm(StopReason.STALLED, fault.value, speed_mps=self._wheels.speed_before_mps)
+            return Alarm(StopReason.STALLED, fault.value, speed_mps=speed_before_mps)
         if fault is not WheelFault.TURNING:
-            return Alarm(StopReason.ENCODER_FAULT, fault.value)
+            return Alarm(StopReason.ENCODER_FAULT, fault.value, speed_mps=speed_before_mps)
         self._apart_s.append(now_s)
         self._rests_until_s = now_s + STANDS_S
         again = len(self._apart_s) == _MANY and now_s - self._apart_s[0] < _WITHIN_S

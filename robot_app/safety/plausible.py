@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from robot_app.drivers.base import ImuSample, RawScan
 
-_IMU_REPEATS = 10
+_IMU_REPEATS = 4  # of all six values, each of which has noise
 _JUMP_M = 0.5  # between neighbouring beams
 _JUMPS_SHARE = 0.4  # a room has one jump in ten at most; ranges drawn by lot have three in four
 
@@ -34,7 +34,7 @@ def _is_garbage(ranges_m: NDArray[np.float32]) -> bool:
 
 
 class ImuWatch:
-    """One that hangs repeats its last sample; noise does so now and then, but not ten times."""
+    """One that hangs repeats its last sample; noise does so now and then, but not four times."""
 
     def __init__(self) -> None:
         self._last: tuple[float, ...] = ()

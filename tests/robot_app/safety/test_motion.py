@@ -4,14 +4,16 @@ import math
 
 import pytest
 
-from robot_app.drivers.base import EncoderCount, ImuSample
+from robot_app.drivers.base import DriveSetting, EncoderCount, ImuSample
 from robot_app.safety.bands import SafetyConfig
-from robot_app.safety.blind_brake import BlindBrake
 from robot_app.safety.motion import STANDS_S, Alarm, MotionWatch
 from robot_app.safety.tilt import TiltConfig, TiltWatch
+from shared.geometry.ackermann import CarGeometry
 from shared.messages import StopReason
 
+CAR = CarGeometry(0.26, 0.17, 0.04, 0.5, 0.305, 0.045, 0.2)
 TICK_M = 0.00314
+PUSHING = DriveSetting(0.3, 0.0)
 
 
 def imu(stamp_s: float, tilt_rad: float) -> ImuSample:
@@ -20,7 +22,7 @@ def imu(stamp_s: float, tilt_rad: float) -> ImuSample:
 
 @pytest.fixture
 def watch() -> MotionWatch:
-    return MotionWatch(SafetyConfig(), 0.17, TICK_M)
+    return MotionWatch(SafetyConfig(), CAR, TICK_M)
 
 
 def alarms(watch: MotionWatch, start_s: float, seconds: float, gyro_radps: float) -> list[Alarm]:
@@ -28,14 +30,14 @@ def alarms(watch: MotionWatch, start_s: float, seconds: float, gyro_radps: float
     found = []
     for i in range(round(start_s * 100), round((start_s + seconds) * 100)):
         ticks = int(0.002 * i / TICK_M)
-        alarm = watch.update(i / 100, EncoderCount(i / 100, ticks, ticks), None, (0.2, gyro_radps), 0.3)
+        alarm = watch.update(i / 100, EncoderCount(i / 100, ticks, ticks), None, (0.2, gyro_radps), PUSHING)
         found += [alarm] if alarm is not None else []
     return found
 
 
 def test_a_robot_on_its_side_is_noticed_in_a_tenth_of_a_second(watch: MotionWatch) -> None:
-    assert watch.update(0.0, None, imu(0.0, 0.0), (0.2, 0.0), 0.3) is None
-    seen = [watch.update(i / 100, None, imu(i / 100, math.pi / 2), (0.2, 0.0), 0.3) for i in range(1, 11)]
+    assert watch.update(0.0, None, imu(0.0, 0.0), (0.2, 0.0), PUSHING) is None
+    seen = [watch.update(i / 100, None, imu(i / 100, math.pi / 2), (0.2, 0.0), PUSHING) for i in range(1, 11)]
     assert seen[-1] is not None
     assert seen[-1].reason is StopReason.TILTED
 
@@ -62,21 +64,6 @@ def test_what_was_long_ago_does_not_end_a_mission(watch: MotionWatch) -> None:
 def test_encoders_that_fall_silent_tell_the_last_speed(watch: MotionWatch) -> None:
     alarm = None
     for i in range(12):
-        alarm = alarm or watch.update(i / 100, EncoderCount(i / 100, 0, 0), None, (0.2, 0.0), 0.3)
+        alarm = alarm or watch.update(i / 100, EncoderCount(i / 100, 0, 0), None, (0.2, 0.0), PUSHING)
     assert alarm is not None
     assert (alarm.reason, alarm.speed_mps) == (StopReason.STALLED, 0.2)
-
-
-@pytest.mark.parametrize("stops_with_s", [0.05, 0.087, 0.12])
-def test_a_blind_brake_takes_most_of_the_speed_and_sends_the_car_back_by_a_centimetre_at_most(
-    stops_with_s: float,
-) -> None:
-    brake, speed_mps, step_s, back_m = BlindBrake(), 0.46, 0.001, 0.0
-    brake.begin(0.0, speed_mps)
-    for i in range(250):
-        duty = brake.duty(step_s * (i // 20 * 20))  # the control's 50 Hz
-        speed_mps += (0.7 * duty - speed_mps) / stops_with_s * step_s
-        back_m -= min(0.0, speed_mps) * step_s
-    assert back_m < 0.012
-    assert abs(speed_mps) < 0.03
-    assert brake.duty(0.3) == 0.0

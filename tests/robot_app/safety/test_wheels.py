@@ -1,18 +1,19 @@
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import pytest
 
-from robot_app.drivers.base import EncoderCount
+from robot_app.drivers.base import DriveSetting, EncoderCount
 from robot_app.safety.wheels import WheelFault, WheelWatch, WheelWatchConfig
 
-TRACK_M, TICK_M = 0.17, 0.00314
+WHEELBASE_M, TICK_M = 0.26, 0.00314
 
 
 @pytest.fixture
 def watch() -> WheelWatch:
-    return WheelWatch(WheelWatchConfig(), TRACK_M, TICK_M)
+    return WheelWatch(WheelWatchConfig(), WHEELBASE_M, TICK_M)
 
 
 def counts(
@@ -23,9 +24,11 @@ def counts(
         yield EncoderCount(i / 100, left, right)
 
 
-def first_fault(watch: WheelWatch, run: Iterator[EncoderCount], yaw_rate: float) -> tuple[float, WheelFault] | None:
+def first_fault(
+    watch: WheelWatch, run: Iterator[EncoderCount], yaw_rate: float, steering_rad: float = 0.0
+) -> tuple[float, WheelFault] | None:
     for count in run:
-        fault = watch.update(count, yaw_rate, 0.2, 0.4)
+        fault = watch.update(count, yaw_rate, 0.2, DriveSetting(0.4, steering_rad))
         if fault is not None:
             return count.stamp_s, fault
     return None
@@ -54,20 +57,18 @@ def test_both_that_fall_silent_while_the_motor_pushes_are_noticed_within_a_tenth
 
 @pytest.mark.parametrize("duty", [0.0, 0.1, -0.4])
 def test_wheels_that_are_not_pushed_may_stand(watch: WheelWatch, duty: float) -> None:
-    assert not any(watch.update(count, 0.0, 0.2, duty) for count in counts(1.0, 0.0, 0.0))
+    assert not any(watch.update(count, 0.0, 0.2, DriveSetting(duty, 0.0)) for count in counts(1.0, 0.0, 0.0))
 
 
-@pytest.mark.parametrize("yaw_rate", [-0.48, 0.0, 0.48])  # the tightest turn at 0.23 m/s
-def test_a_car_that_turns_as_its_gyro_says_is_believed(watch: WheelWatch, yaw_rate: float) -> None:
-    half = yaw_rate * TRACK_M / 2
-    assert first_fault(watch, counts(20.0, 0.2 - half, 0.2 + half), yaw_rate) is None
+@pytest.mark.parametrize("steering_rad", [-0.5, 0.0, 0.5])
+def test_a_car_that_turns_as_it_is_steered_is_believed_though_a_tenth_of_it_is_slip(
+    watch: WheelWatch, steering_rad: float
+) -> None:
+    yaw_rate = 0.2 * math.tan(steering_rad) / WHEELBASE_M
+    assert first_fault(watch, counts(20.0, 0.22, 0.22), yaw_rate, steering_rad) is None
 
 
-def test_wheels_that_slip_by_as_much_as_they_may_are_believed(watch: WheelWatch) -> None:
-    assert first_fault(watch, counts(20.0, 0.2, 0.203), 0.0) is None
-
-
-@pytest.mark.parametrize(("step_radps", "within_s"), [(0.2, 1.5), (0.5, 0.4), (-0.5, 0.4)])
+@pytest.mark.parametrize(("step_radps", "within_s"), [(0.2, 2.5), (0.5, 0.6), (-0.5, 0.6)])
 def test_a_gyro_whose_bias_jumps_is_noticed_the_sooner_the_further(
     watch: WheelWatch, step_radps: float, within_s: float
 ) -> None:
