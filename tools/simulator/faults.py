@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, Generic, Protocol, TypeVar, cast
@@ -42,6 +43,7 @@ class Fault:
     """The fault of one device; may be changed at any time, from any thread."""
 
     kind: FaultKind = FaultKind.NONE
+    change: Callable[[Any], Any] | None = None  # what it makes of each sample
 
     def check(self, name: str) -> bool:
         """Whether the device answers; raises when it is gone."""
@@ -90,7 +92,7 @@ class _FaultyReader(Generic[T]):
         if self._fault.kind is FaultKind.FROZEN and self._last is not None:
             return _with_stamp_of(self._last, sample)
         self._last = sample
-        return sample
+        return sample if self._fault.change is None else cast("T", self._fault.change(sample))
 
     def close(self) -> None:
         self._inner.close()

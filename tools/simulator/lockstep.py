@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robot_app.app import RobotApp
-from robot_app.config import RobotConfig
+from robot_app.config import AnyRobotConfig
 from robot_app.schedule import DEPTH
 from shared.geometry.se2 import Pose2
 from shared.runtime.clock import ManualClock
@@ -53,7 +53,7 @@ class Lockstep:
         self,
         scenario: Scenario,
         seed: int,
-        robot: RobotConfig,
+        robot: AnyRobotConfig,
         station: StationConfig,
         recording: Path | None = None,
         link: LinkName = "tcp",
@@ -85,6 +85,10 @@ class Lockstep:
     def use_operator(self, step: Callable[[], object]) -> None:
         """`step` is called ten times a second, in place of the look at the view that keeps the robot going."""
         self._operator = step
+
+    def replace_step(self, task: str, step: Callable[[], None]) -> Callable[[], None]:
+        """Make the task hang, or fail; returns what it did so far."""
+        return self._runner.replace_step(task, step)
 
     def run(self, seconds: float) -> None:
         self._runner.run_until(self.clock.now_s() + seconds)
@@ -145,7 +149,7 @@ class Orders:
 def run_mission(
     scenario: Scenario,
     seed: int,
-    robot: RobotConfig,
+    robot: AnyRobotConfig,
     station: StationConfig,
     say: Callable[[str], None],
     progress: Callable[[float], None],

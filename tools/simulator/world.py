@@ -113,6 +113,10 @@ class World:
         theta = self.room_from_robot().theta_rad
         return float(self.data.qvel[0]) * math.cos(theta) + float(self.data.qvel[1]) * math.sin(theta)
 
+    def motor_torque_nm(self) -> float:
+        """On the driven wheels now, positive forward."""
+        return float(self.data.actuator_force[2])
+
     def wheel_angles_rad(self) -> tuple[float, ...]:
         """How far each wheel with an encoder has turned forward: of a car the left and the right rear one."""
         return self._machine.wheel_angles_rad(self.data)
