@@ -7,7 +7,7 @@ way leads, so that scanner and camera look ahead.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ def _trace_of_disc() -> WallTraceConfig:
 class OmniWallConfig:
     side: int = -1  # where the wall is kept: -1 right, +1 left
     trace: WallTraceConfig = field(default_factory=_trace_of_disc)
+    sure_radius_m: float = 0.30  # into gaps between twice trace.pass_radius_m and twice this it goes on as it began
     lap: LapConfig = field(default_factory=LapConfig)
     look_ahead_m: float = 0.45  # to the point of the way that it faces and heads for
     slow_mps: float = 0.09  # paper 1, section 4: slow is below 0.1, medium 0.2, fast above 0.4
@@ -109,7 +110,8 @@ class OmniWallFollower:
 
     def __init__(self, config: OmniWallConfig) -> None:
         self._config = config
-        self._tracer = WallTracer(config.trace, config.side)
+        radii_m = (config.trace.pass_radius_m, config.sure_radius_m)
+        self._tracers = [WallTracer(replace(config.trace, pass_radius_m=r), config.side) for r in radii_m]
         self.reset()
 
     def reset(self) -> None:
@@ -117,6 +119,7 @@ class OmniWallFollower:
         self._state = WallState.SEARCH
         self._lap = Lap(self._config.lap)
         self._has_looked_round = False
+        self._carrot_m: NDArray[np.float64] | None = None  # odom frame, of the last step
         self._leave_heading_rad = 0.0
         self._left_at_m = 0.0
 
@@ -129,15 +132,28 @@ class OmniWallFollower:
             return OmniWallStep(Twist(0.0, 0.0, -config.side * config.look_round_radps), self._state)
         if self._state is WallState.LEAVE and not self._has_crossed(odom_from_robot, clearance_ahead_m):
             return self._cross(odom_from_robot, clearance_ahead_m)
-        trace = self._tracer.trace(points_m, odom_from_robot)
-        if trace is None:
+        way_m = self._way(points_m, odom_from_robot)
+        if way_m is None:
             self._enter(WallState.SEARCH)
             speed = min(self._speed_mps(clearance_ahead_m, 0.0), config.medium_mps)
             return OmniWallStep(Twist(speed, 0.0, 0.0), self._state)
         self._enter(WallState.FOLLOW)
-        step = self._follow(odom_from_robot.inverse().apply(trace.way_m), clearance_ahead_m)
+        step = self._follow(way_m, clearance_ahead_m)
         self._judge_lap(odom_from_robot)
         return step
+
+    def _way(self, points_m: NDArray[np.float64], pose: Pose2) -> NDArray[np.float64] | None:
+        """(N, 2), robot frame. A gap as wide as the disc is a way in one scan and none in the next: of both ways it
+        takes the one that leads on to where it was heading."""
+        traces = [tracer.trace(points_m, pose) for tracer in self._tracers]
+        ways = [pose.inverse().apply(trace.way_m) for trace in traces if trace is not None]
+        if not ways:
+            self._carrot_m = None
+            return None
+        carrots_m = pose.apply(np.array([way_ahead(way, self._config.look_ahead_m)[0] for way in ways]))
+        kept = 0 if self._carrot_m is None else int(np.argmin(np.hypot(*(carrots_m - self._carrot_m).T)))
+        self._carrot_m = carrots_m[kept]
+        return ways[kept]
 
     def _enter(self, state: WallState) -> None:
         """Who is round once stays so, and goes on along the wall."""
