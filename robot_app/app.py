@@ -48,6 +48,7 @@ from shared.runtime.runner import OnFault, Row, Task, TaskHealth
 _log = logging.getLogger(__name__)
 _READ_TIMEOUT_S = 0.015
 _OBSERVE_S = 0.1
+_DEPTH_WHILE_WARM = 3  # one image of so many
 _GENTLE = {StopReason.NONE, StopReason.COMMAND_SILENCE, StopReason.LOW_BATTERY, StopReason.OVER_TEMPERATURE}
 _CUT = {StopReason.EMERGENCY}
 _HARD = {StopReason.STALLED, StopReason.TILTED, StopReason.ENCODER_FAULT, StopReason.SENSORS_DISAGREE}
@@ -97,6 +98,7 @@ class RobotApp:
             config.safety, config.body, config.odometry.metres_per_tick(config.body.wheel_radius_m)
         )
         self._is_shut = False
+        self._depth_images = 0
         self._sequence = 0
         self._observed_scan_s = -math.inf
         self._observe_due_s = clock.now_s()
@@ -233,13 +235,18 @@ class RobotApp:
 
     def _read_depth(self) -> None:
         image = self._hardware.camera.read(_READ_TIMEOUT_S)
-        if image is None:
+        if image is None or self._spares_depth():
             return
         objects = self._extractor.extract(image)
         seen = self._odometry.at(image.stamp_s)
         if seen is not None:
             objects = self._tracker.update(objects, seen.odom_from_robot)
         self._objects.put(objects, image.stamp_s)
+
+    def _spares_depth(self) -> bool:
+        """Two of three images while the processor is too warm for all of them."""
+        self._depth_images += 1
+        return self._guard.spares_processor and self._depth_images % _DEPTH_WHILE_WARM != 0
 
     def _observe(self) -> None:
         """The newest, at ten a second or as often as the link has room."""
@@ -300,19 +307,22 @@ class RobotApp:
     def _faults(self) -> tuple[str, ...]:
         tasks = tuple(h.fault for h in self._health() if h.fault is not None)
         halted = self._mission.state is MissionState.HALTED and self._halt_text
-        return (*tasks, self._halt_text) if halted else tasks
+        return (*tasks, *([self._halt_text] if halted else []), *self._guard.warnings)
 
     def _read_power(self) -> None:
         power = self._hardware.power.read(_READ_TIMEOUT_S)
         if power is not None:
             self._power.put(power, power.stamp_s)
-            self._guard.take_battery(power.battery_v)
+            if self._guard.take_battery(power.battery_v) and self._mission.state in RUNNING:
+                _log.warning(
+                    "the battery is low; %s", "driving to the start" if self._mission.go_home() else "going on"
+                )
 
     def _read_temperature(self) -> None:
         temperature = self._hardware.thermometer.read(_READ_TIMEOUT_S)
         if temperature is not None:
             self._temperature.put(temperature, temperature.stamp_s)
-            self._guard.take_temperature(temperature.cpu_c)
+            self._guard.take_temperature(temperature.cpu_c, temperature.throttling)
 
     # --- decisions ---
 

@@ -104,7 +104,7 @@ def _drive(c: DeviceConfig, body: CarGeometry | OmniGeometry, clock: Clock) -> s
 def _thermometer(c: DeviceConfig, clock: Clock) -> str:
     thermometer = CpuThermometer(c.thermometer, clock)
     sample = thermometer.read(_PATIENCE_S)
-    return f"{sample.cpu_c:.1f} °C, {', '.join(thermometer.throttling) or 'not throttled'}"
+    return f"{sample.cpu_c:.1f} °C, {', '.join(sample.throttling) or 'not throttled'}"
 
 
 def _power(c: DeviceConfig, clock: Clock) -> str:

@@ -78,8 +78,12 @@ class PowerSample:
 
 @dataclass(frozen=True, slots=True)
 class TemperatureSample:
+    """`throttling`: what holds the processor back now, in words; `fan`: whether it turns, None where nobody knows."""
+
     stamp_s: float
     cpu_c: float
+    throttling: tuple[str, ...] = ()
+    fan: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -204,6 +204,7 @@ class OmniWheelsConfig:
 @dataclass(frozen=True, slots=True)
 class ThermometerConfig:
     zone: str = "/sys/class/thermal/thermal_zone0/temp"
+    cooling: str = "/sys/class/thermal"  # where the kernel's fan is found
     throttled: str = "/sys/devices/platform/soc/soc:firmware/get_throttled"  # of Raspberry Pi OS; may be missing
 
 

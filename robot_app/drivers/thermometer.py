@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 from pathlib import Path
 
@@ -18,21 +19,17 @@ class CpuThermometer:
         self._zone = Path(config.zone)
         self._throttled = Path(config.throttled)
         self._clock = clock
+        self._fan = _find_fan(Path(config.cooling))
         self._closed = False
         self._flags: tuple[str, ...] = ()
         self._read_c()
-
-    @property
-    def throttling(self) -> tuple[str, ...]:
-        """What holds the processor back now; empty where nothing does or the kernel does not tell."""
-        return self._flags
 
     def read(self, timeout_s: float) -> TemperatureSample:
         """Does not wait."""
         if self._closed:
             raise DeviceError("thermometer: is closed")
         self._read_flags()
-        return TemperatureSample(self._clock.now_s(), self._read_c())
+        return TemperatureSample(self._clock.now_s(), self._read_c(), self._flags, self._read_fan())
 
     def close(self) -> None:
         self._closed = True
@@ -43,6 +40,13 @@ class CpuThermometer:
         except (OSError, ValueError) as error:
             raise DeviceError(f"thermometer at {self._zone}: cannot be read: {error}") from error
 
+    def _read_fan(self) -> bool | None:
+        """The kernel's gpio-fan is a cooling device whose state is its speed."""
+        try:
+            return int(self._fan.read_text("ascii")) > 0 if self._fan is not None else None
+        except (OSError, ValueError):
+            return None
+
     def _read_flags(self) -> None:
         try:
             bits = int(self._throttled.read_text("ascii").strip(), 16)
@@ -52,3 +56,11 @@ class CpuThermometer:
         if flags != self._flags:
             _log.warning("processor: %s", ", ".join(flags) or "runs freely again")
         self._flags = flags
+
+
+def _find_fan(cooling: Path) -> Path | None:
+    for kind in sorted(cooling.glob("cooling_device*/type")):
+        with contextlib.suppress(OSError):
+            if "fan" in kind.read_text("ascii", "replace"):
+                return kind.with_name("cur_state")
+    return None

@@ -48,8 +48,11 @@ class SafetyConfig:
     How old a scan and the odometry may be is written in the schedule.
     """
 
-    over_temperature_c: Band = Band(85.0, 75.0)
-    low_battery_v: Band = Band(5.6, 6.2)
+    warm_c: Band = Band(78.0, 73.0)  # the kernel's fan is on since 60 °C: fewer depth images
+    over_temperature_c: Band = Band(85.0, 75.0)  # stop
+    weak_battery_v: Band = Band(6.2, 6.35)  # a tenth of the charge is left: warn
+    home_battery_v: Band = Band(6.0, 6.35)  # drive to the start
+    low_battery_v: Band = Band(5.6, 6.2)  # stop
     stall: StallConfig = field(default_factory=StallConfig)
     tilt: TiltConfig = field(default_factory=TiltConfig)
     wheels: WheelWatchConfig = field(default_factory=WheelWatchConfig)
@@ -59,10 +62,13 @@ class SafetyConfig:
     resume_within_s: float = 15.0  # a longer silence ends the mission
 
     def __post_init__(self) -> None:
-        if self.over_temperature_c.enter < self.over_temperature_c.leave:
-            raise ValueError("over_temperature_c.enter must be above leave")
-        if self.low_battery_v.enter > self.low_battery_v.leave:
-            raise ValueError("low_battery_v.enter must be below leave")
+        for name, band in (("warm_c", self.warm_c), ("over_temperature_c", self.over_temperature_c)):
+            if band.enter < band.leave:
+                raise ValueError(f"{name}.enter must be above leave")
+        batteries = ("weak_battery_v", self.weak_battery_v), ("home_battery_v", self.home_battery_v)
+        for name, band in (*batteries, ("low_battery_v", self.low_battery_v)):
+            if band.enter > band.leave:
+                raise ValueError(f"{name}.enter must be below leave")
         if self.min_beams < 1:
             raise ValueError("min_beams must be at least 1")
         if not 0 < self.command_silence_s <= _LONGEST_SILENCE_S:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import threading
 
 from robot_app.safety.bands import BandWatch, SafetyConfig
 from shared.messages import StopReason
 
 _SPEAKING_S = 0.3  # longer than the heartbeat's period
+_BATTERY_SHARE = 0.15  # of the newest voltage, ten times a second: a motor that starts is no empty battery
 
 
 class Guard:
@@ -17,8 +19,13 @@ class Guard:
         self._scan_max_age_s = scan_max_age_s
         self._odometry_max_age_s = odometry_max_age_s
         self.silence_limit_s = config.command_silence_s  # what the link's present path allows
+        self._warmth = BandWatch(config.warm_c)
         self._heat = BandWatch(config.over_temperature_c)
+        self._weak = BandWatch(config.weak_battery_v)
+        self._home = BandWatch(config.home_battery_v)
         self._battery = BandWatch(config.low_battery_v)
+        self._battery_v = math.nan
+        self._processor: tuple[str, ...] = ()
         self._heard_s = self._back_s = now_s
         self._was_silent = True
         self._faults: dict[str, tuple[StopReason, str]] = {}
@@ -47,11 +54,37 @@ class Guard:
             self._notice_silence(now_s)
             return not self._was_silent and self._heard_s - self._back_s >= _SPEAKING_S
 
-    def take_temperature(self, cpu_c: float) -> None:
+    def take_temperature(self, cpu_c: float, throttling: tuple[str, ...] = ()) -> None:
+        """`throttling`: what holds the processor back, in words."""
+        self._warmth.update(cpu_c)
         self._heat.update(cpu_c)
+        self._processor = throttling
 
-    def take_battery(self, battery_v: float) -> None:
-        self._battery.update(battery_v)
+    def take_battery(self, battery_v: float) -> bool:
+        """Whether it is time to go home; said once, until the battery was changed."""
+        before_v = battery_v if math.isnan(self._battery_v) else self._battery_v
+        self._battery_v = before_v + _BATTERY_SHARE * (battery_v - before_v)
+        was_low = self._home.inside
+        for watch in (self._weak, self._home, self._battery):
+            watch.update(self._battery_v)
+        return self._home.inside and not was_low
+
+    @property
+    def spares_processor(self) -> bool:
+        """It is warm, or held back: what can be done more seldom should be."""
+        return self._warmth.inside or bool(self._processor)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """For the operator; without figures, which would make a new warning of each."""
+        found = [f"processor: {text}" for text in self._processor]
+        if self._weak.inside:
+            found.append(
+                "the battery is low: it drives to its start, if it can" if self._home.inside else "battery low"
+            )
+        if self._warmth.inside:
+            found.append("the processor is hot: fewer depth images")
+        return tuple(found)
 
     def pause(self, reason: StopReason, until_s: float) -> None:
         """The car is to stand for a while, and may then go on."""

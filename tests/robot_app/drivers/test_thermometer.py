@@ -13,14 +13,24 @@ from shared.runtime.clock import ManualClock
 @pytest.fixture
 def config(tmp_path: Path) -> ThermometerConfig:
     (tmp_path / "temp").write_text("61342\n")
-    return ThermometerConfig(str(tmp_path / "temp"), str(tmp_path / "get_throttled"))
+    return ThermometerConfig(str(tmp_path / "temp"), str(tmp_path), str(tmp_path / "get_throttled"))
 
 
 def test_the_temperature_is_read(config: ThermometerConfig) -> None:
     thermometer = CpuThermometer(config, ManualClock(7.0))
     sample = thermometer.read(0.0)
     assert (sample.stamp_s, sample.cpu_c) == (7.0, 61.342)
-    assert thermometer.throttling == ()
+    assert (sample.throttling, sample.fan) == ((), None)
+
+
+@pytest.mark.parametrize(("state", "fan"), [("1\n", True), ("0\n", False), ("?\n", None)])
+def test_the_kernels_fan_is_found_and_read(config: ThermometerConfig, state: str, fan: bool | None) -> None:
+    for i, kind in enumerate(("cpufreq-cpu0", "gpio-fan")):
+        folder = Path(config.cooling) / f"cooling_device{i}"
+        folder.mkdir()
+        (folder / "type").write_text(kind + "\n")
+        (folder / "cur_state").write_text(state)
+    assert CpuThermometer(config, ManualClock()).read(0.0).fan is fan
 
 
 def test_throttling_is_named_and_logged_when_it_changes(

@@ -58,12 +58,46 @@ def test_a_hot_processor_stops_the_car_until_it_has_cooled_down(guard: Guard) ->
     assert reason(guard) is StopReason.NONE
 
 
+def test_a_battery_that_empties_warns_goes_home_and_stops(guard: Guard) -> None:
+    assert not guard.take_battery(6.15)
+    assert guard.warnings == ("battery low",)
+    assert [guard.take_battery(5.9) for _ in range(40)].count(True) == 1, "it is told once to go home"
+    assert reason(guard) is StopReason.NONE
+    for _ in range(40):
+        guard.take_battery(5.4)
+    assert reason(guard) is StopReason.LOW_BATTERY
+
+
+def test_a_voltage_that_sags_for_a_moment_is_no_empty_battery(guard: Guard) -> None:
+    guard.take_battery(6.5)
+    for _ in range(4):
+        guard.take_battery(5.2)
+    assert reason(guard) is StopReason.NONE
+    assert not guard.take_battery(6.5)
+
+
+def test_a_warm_processor_is_spared_until_it_has_cooled_down(guard: Guard) -> None:
+    guard.take_temperature(79.0)
+    assert (guard.spares_processor, reason(guard)) == (True, StopReason.NONE)
+    guard.take_temperature(74.0)
+    assert guard.spares_processor
+    guard.take_temperature(72.0)
+    assert not guard.spares_processor
+
+
+def test_what_holds_the_processor_back_is_told(guard: Guard) -> None:
+    guard.take_temperature(50.0, ("under-voltage",))
+    assert guard.warnings == ("processor: under-voltage",)
+
+
 def test_an_empty_battery_stops_the_car(guard: Guard) -> None:
     guard.take_battery(5.5)
     assert reason(guard) is StopReason.LOW_BATTERY
-    guard.take_battery(6.0)
+    for _ in range(40):
+        guard.take_battery(6.0)
     assert reason(guard) is StopReason.LOW_BATTERY
-    guard.take_battery(6.3)
+    for _ in range(40):
+        guard.take_battery(6.3)
     assert reason(guard) is StopReason.NONE
 
 
