@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import gc
 import json
+import math
 import sys
 import threading
 from collections.abc import Callable
@@ -29,7 +30,6 @@ from tools.evaluate.depth.files import DepthFileError, read_depth
 from tools.evaluate.depth.lab_frames import lab_camera, lab_frames
 
 _SETTLE_TICKS = 20
-_FIRST_LATE_S = 0.0005  # by so much the first call itself may have been late
 _FAST = schedule.ODOMETRY
 
 
@@ -58,26 +58,35 @@ class Report:
     longest_ms: float
 
 
+class DueClock(MonotonicClock):
+    """For one task: tells when it asked to be called next."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.due_s = math.nan
+
+    def wait(self, event: threading.Event, until_s: float) -> bool:
+        self.due_s = until_s
+        return super().wait(event, until_s)
+
+
 class Metronome:
     """The 100 Hz task: it notes how late it is called and does a little arithmetic, as odometry does."""
 
-    def __init__(self, clock: MonotonicClock, most: int) -> None:
+    def __init__(self, clock: DueClock, most: int) -> None:
         self._clock = clock
-        self._calls_s = np.zeros(most)
+        self._late_s = np.zeros(most)
         self.calls = 0
 
     def tick(self) -> None:
-        if self.calls < len(self._calls_s):
-            self._calls_s[self.calls] = self._clock.now_s()
+        if self.calls < len(self._late_s):
+            self._late_s[self.calls] = self._clock.now_s() - self._clock.due_s
             self.calls += 1
 
     def late_ms(self) -> NDArray[np.float64]:
-        """Against the deadlines, (N,): the runner's first call is at the first one, and none comes early."""
-        period_s = 1 / _FAST.rate_hz
-        calls_s = self._calls_s[: self.calls]
-        past_s = np.mod(calls_s - calls_s[0] + _FIRST_LATE_S, period_s)[_SETTLE_TICKS:]
-        late: NDArray[np.float64] = 1e3 * (past_s - min(past_s.min(), _FIRST_LATE_S))
-        return late
+        """Against the deadlines, (N,), without those while the threads start."""
+        late_ms: NDArray[np.float64] = 1e3 * self._late_s[_SETTLE_TICKS : self.calls]
+        return late_ms
 
 
 class Frames:
@@ -167,14 +176,17 @@ def measure(jobs: list[tuple[ObjectExtractor, DepthImage]], rate_hz: float, seco
 
 def _listen(work: Callable[[], None], rate_hz: float, seconds: float) -> tuple[NDArray[np.float64], float]:
     """How late the 100 Hz task was, ms, and how long one call of `work` took at the most, s."""
-    clock = MonotonicClock()
+    clock = DueClock()
     metronome = Metronome(clock, int(2 * seconds * _FAST.rate_hz) + _SETTLE_TICKS)
-    depth = replace(schedule.DEPTH, rate_hz=rate_hz)
-    runner = ThreadRunner([Task(_FAST, metronome.tick), Task(depth, work)], clock, _give_up)
-    runner.start()
-    clock.wait(threading.Event(), clock.now_s() + seconds)
-    runner.stop()
-    return metronome.late_ms(), runner.health[1].longest_s
+    fast = ThreadRunner([Task(_FAST, metronome.tick)], clock, _give_up)
+    depth = ThreadRunner([Task(replace(schedule.DEPTH, rate_hz=rate_hz), work)], MonotonicClock(), _give_up)
+    fast.start()
+    depth.start()
+    end = MonotonicClock()
+    end.wait(threading.Event(), end.now_s() + seconds)
+    depth.stop()
+    fast.stop()
+    return metronome.late_ms(), depth.health[0].longest_s
 
 
 def _give_up(row: Row, error: Exception) -> None:
