@@ -16,7 +16,7 @@ from robot_app.app import RobotApp
 from robot_app.calibrate.command import PROCEDURES, calibrate
 from robot_app.calibrate.guide import Terminal
 from robot_app.check import check_devices, check_radios, table_row
-from robot_app.config import AnyRobotConfig, RobotConfig, load_any_config, load_config
+from robot_app.config import AnyRobotConfig, load_any_config
 from robot_app.drivers.base import DeviceError
 from robot_app.drivers.raspberry_pi import open_hardware
 from robot_app.link import open_link
@@ -74,7 +74,7 @@ def _check(config: AnyRobotConfig) -> int:
     return EXIT_FAILED if missing else EXIT_OK
 
 
-def _calibrate(config: RobotConfig, args: argparse.Namespace) -> int:
+def _calibrate(config: AnyRobotConfig, args: argparse.Namespace) -> int:
     if args.what is None:
         raise Refused(f"calibrate what? One of {', '.join(PROCEDURES)}")
     clock = MonotonicClock()
@@ -117,9 +117,9 @@ def _work(args: argparse.Namespace) -> int:
         return _new_pairing(args.new_pairing.expanduser())
     if args.what is not None and args.command != "calibrate":
         raise Refused(f"{args.command} takes no {args.what}; it looks at everything")
-    if args.command == "calibrate":
-        return _calibrate(load_config(args.config), args)
     config = load_any_config(args.config)
+    if args.command == "calibrate":
+        return _calibrate(config, args)
     return _check(config) if args.command == "check" else _drive(config, args)
 
 

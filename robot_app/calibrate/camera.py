@@ -12,7 +12,7 @@ from robot_app.calibrate.change import Change
 from robot_app.calibrate.estimate import Estimate, line
 from robot_app.calibrate.guide import CalibrationError, Guide
 from robot_app.calibrate.sampling import collect
-from robot_app.config import RobotConfig
+from robot_app.config import AnyRobotConfig
 from robot_app.drivers.base import DepthCamera, DepthImage, RawScan, Scanner
 from shared.geometry.camera import CameraMount
 from shared.runtime.clock import Clock
@@ -24,7 +24,7 @@ _FLOOR_REACH_M = 2.5
 _MOST_TILT_RAD = 0.35
 _FLOOR_FEWEST = 800
 _FLOOR_LEAST_DEPTH_M, _FLOOR_LEAST_WIDTH_M = 0.4, 0.3  # how far the floor points must reach for its tilt to be known
-_FLAT_M = 0.012
+_FLAT_SHARE = 0.7  # of what is near the plane at first sight must be on it at last
 _PARTS, _PART_M = 8, 0.05
 _LEAST_NEAR_M = 0.5  # the L515 sees nothing nearer
 _WALL_BANDS_M = (0.15, 0.06, 0.03)
@@ -47,7 +47,7 @@ class FloorView:
 
 
 def calibrate_camera(
-    camera: DepthCamera, scanner: Scanner, config: RobotConfig, guide: Guide, clock: Clock
+    camera: DepthCamera, scanner: Scanner, config: AnyRobotConfig, guide: Guide, clock: Clock
 ) -> list[Change]:
     """Raises `CalibrationError` when floor or wall are not to be seen."""
     mount = config.camera
@@ -84,6 +84,7 @@ def find_floor(frames: list[Vector], mount: CameraMount) -> FloorView:
     up, height_m = matrix[2, :3], float(matrix[2, 3])
     every = np.concatenate(frames)
     every = every[every[:, 2] < _FLOOR_REACH_M]
+    sizes = []
     for band in _FLOOR_BANDS:
         near = every[np.abs(every @ up + height_m) < band * (1 + every[:, 2])]
         if len(near) < _FLOOR_FEWEST:
@@ -91,8 +92,11 @@ def find_floor(frames: list[Vector], mount: CameraMount) -> FloorView:
                 "the camera does not see the floor where camera.z_m and camera.pitch_down_rad expect it; correct them "
                 "by hand first, and clear the floor"
             )
+        sizes.append(len(near))
         up, height_m = _plane(near, up)
     _check_floor(near, up)
+    if sizes[-1] < _FLAT_SHARE * sizes[1]:
+        raise CalibrationError("the floor is not flat or not empty, or the camera does not see it well")
     tilts = np.array([_tilt(*_plane(part, up)) for part in _parts(near)])
     pitch, roll, height = _tilt(up, height_m)
     sigma = tilts.std(axis=0, ddof=1) / math.sqrt(len(tilts))
@@ -159,8 +163,6 @@ def _check_floor(near: Vector, up: Vector) -> None:
     depth_m, width_m = np.ptp(near[:, 2]), np.ptp(near[:, 0])
     if depth_m < _FLOOR_LEAST_DEPTH_M or width_m < _FLOOR_LEAST_WIDTH_M:
         raise CalibrationError(f"only {depth_m:.1f} x {width_m:.1f} m of floor are seen; clear 2 m ahead of the robot")
-    if 1.4826 * np.median(np.abs(near @ up - np.median(near @ up))) > _FLAT_M:
-        raise CalibrationError("the floor is not flat, or the camera does not see it well")
 
 
 def _frames(camera: DepthCamera, clock: Clock) -> list[DepthImage]:

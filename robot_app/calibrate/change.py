@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from robot_app.config import RobotConfig
+from robot_app.config import OmniRobotConfig, RobotConfig
 from shared.config import ConfigError, parse
 
 Value = float | bool | tuple[float, ...] | tuple[str, ...]
@@ -60,7 +60,7 @@ def edited(text: str, changes: list[Change]) -> str:
         raise ConfigError(f"this file is written in a way that cannot be edited: {error}") from error
     if written != wanted:
         raise ConfigError("this file is written in a way that cannot be edited; put the values in by hand")
-    parse(written, RobotConfig)
+    parse(written, OmniRobotConfig if "omni" in written else RobotConfig)
     return text
 
 

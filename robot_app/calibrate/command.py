@@ -17,10 +17,9 @@ from robot_app.calibrate.guide import CalibrationError, Guide
 from robot_app.calibrate.imu import calibrate_imu
 from robot_app.calibrate.magnetometer import calibrate_magnetometer
 from robot_app.calibrate.motor import calibrate_motor
-from robot_app.calibrate.motor_cut import MotorCut
 from robot_app.calibrate.power import calibrate_power
 from robot_app.calibrate.steering import calibrate_steering
-from robot_app.config import DEFAULT_PATH, RobotConfig
+from robot_app.config import DEFAULT_PATH, AnyRobotConfig, RobotConfig
 from robot_app.drivers.ackermann_drive import AckermannDrive
 from robot_app.drivers.ads1115 import Ads1115
 from robot_app.drivers.base import DeviceError
@@ -32,55 +31,62 @@ from robot_app.drivers.lsm9ds1 import Lsm9ds1
 from robot_app.drivers.lsm9ds1_magnetometer import Lsm9ds1Magnetometer
 from shared.runtime.clock import Clock
 
-_Procedure = Callable[[RobotConfig, Guide, Clock], Sequence[Change]]
+_Procedure = Callable[[AnyRobotConfig, Guide, Clock], Sequence[Change]]
 
 
-def _encoders(config: RobotConfig, guide: Guide, clock: Clock) -> list[Change]:
+def _car(config: AnyRobotConfig) -> RobotConfig:
+    if not isinstance(config, RobotConfig):
+        raise CalibrationError("that is for a car; the omnidirectional robot's wheels are set by hand: docs/omni.md")
+    return config
+
+
+def _encoders(any_config: AnyRobotConfig, guide: Guide, clock: Clock) -> list[Change]:
+    config = _car(any_config)
     counts_as_wired = replace(config.devices.encoders, left_reversed=False, right_reversed=False)
     with closing(QuadratureEncoders(counts_as_wired, clock)) as encoders:
         return calibrate_encoders(encoders, config, guide)
 
 
-def _motor(config: RobotConfig, guide: Guide, clock: Clock) -> list[Change]:
+def _motor(any_config: AnyRobotConfig, guide: Guide, clock: Clock) -> list[Change]:
+    config = _car(any_config)
     with ExitStack() as opened:
         drive = opened.enter_context(closing(AckermannDrive(config.devices.drive, config.car, clock)))
-        opened.enter_context(MotorCut(config.devices.drive.pwm_chip, config.devices.drive.motor_channel))
         encoders = opened.enter_context(closing(QuadratureEncoders(config.devices.encoders, clock)))
         return calibrate_motor(drive, encoders, config, guide, clock)
 
 
-def _steering(config: RobotConfig, guide: Guide, clock: Clock) -> list[Change]:
+def _steering(any_config: AnyRobotConfig, guide: Guide, clock: Clock) -> list[Change]:
+    config = _car(any_config)
     d = config.devices
     with ExitStack() as opened:
         drive = opened.enter_context(closing(AckermannDrive(d.drive, config.car, clock)))
-        opened.enter_context(MotorCut(d.drive.pwm_chip, d.drive.motor_channel))
         encoders = opened.enter_context(closing(QuadratureEncoders(d.encoders, clock)))
         imu = opened.enter_context(closing(Lsm9ds1(d.imu, clock)))
         scanner = opened.enter_context(closing(HokuyoScanner(d.scanner, clock)))
         return calibrate_steering(DrivenCar(drive, encoders, imu, scanner, config, clock), config, guide)
 
 
-def _imu(config: RobotConfig, guide: Guide, clock: Clock) -> list[Change]:
+def _imu(config: AnyRobotConfig, guide: Guide, clock: Clock) -> list[Change]:
     i = config.devices.imu
     as_soldered = ImuConfig(bus=i.bus, address=i.address, rate_hz=i.rate_hz)
     with closing(Lsm9ds1(as_soldered, clock)) as chip:
         return calibrate_imu(chip, config, guide, clock)
 
 
-def _magnetometer(config: RobotConfig, guide: Guide, clock: Clock) -> list[Change]:
+def _magnetometer(config: AnyRobotConfig, guide: Guide, clock: Clock) -> list[Change]:
     m = config.devices.magnetometer
     with closing(Lsm9ds1Magnetometer(MagnetometerConfig(m.bus, m.address, m.axes), clock)) as magnetometer:
         return calibrate_magnetometer(magnetometer, config, guide)
 
 
-def _camera(config: RobotConfig, guide: Guide, clock: Clock) -> list[Change]:
+def _camera(config: AnyRobotConfig, guide: Guide, clock: Clock) -> list[Change]:
     with ExitStack() as opened:
         scanner = opened.enter_context(closing(HokuyoScanner(config.devices.scanner, clock)))
         camera = opened.enter_context(closing(RealSenseCamera(config.devices.camera, clock)))
         return calibrate_camera(camera, scanner, config, guide, clock)
 
 
-def _power(config: RobotConfig, guide: Guide, clock: Clock) -> list[Change]:
+def _power(config: AnyRobotConfig, guide: Guide, clock: Clock) -> list[Change]:
     with closing(Ads1115(config.devices.power, clock)) as monitor:
         return calibrate_power(monitor, config, guide, clock)
 
@@ -96,7 +102,7 @@ PROCEDURES: dict[str, _Procedure] = {
 }
 
 
-def calibrate(what: str, config: RobotConfig, path: Path | None, guide: Guide, clock: Clock) -> bool:
+def calibrate(what: str, config: AnyRobotConfig, path: Path | None, guide: Guide, clock: Clock) -> bool:
     """Whether it was done. `path`: of the robot.toml to write to; None shows the outcome only.
 
     What ends the program ends it through here, so that the motor is cut: Ctrl-C, SIGTERM, a terminal that goes away.

@@ -13,7 +13,7 @@ from robot_app.calibrate.change import Change
 from robot_app.calibrate.estimate import steady, typical
 from robot_app.calibrate.guide import CalibrationError, Guide
 from robot_app.calibrate.sampling import collect
-from robot_app.config import RobotConfig
+from robot_app.config import AnyRobotConfig
 from robot_app.drivers.base import Imu, ImuSample
 from robot_app.drivers.config import Axis
 from shared.runtime.clock import Clock
@@ -52,7 +52,7 @@ class _Turning:
         self.last = sample
 
 
-def calibrate_imu(chip: Imu, config: RobotConfig, guide: Guide, clock: Clock) -> list[Change]:
+def calibrate_imu(chip: Imu, config: AnyRobotConfig, guide: Guide, clock: Clock) -> list[Change]:
     """`chip`: the IMU with its own axes, x, y, z, and no bias taken off. Raises `CalibrationError`."""
     guide.say("Put the robot on level floor. Nothing drives; you will lift it by hand.")
     guide.until_enter("Take your hands off it", lambda: None)
@@ -75,7 +75,7 @@ def calibrate_imu(chip: Imu, config: RobotConfig, guide: Guide, clock: Clock) ->
 
 
 def _changes(
-    config: RobotConfig,
+    config: AnyRobotConfig,
     acceleration_axes: tuple[Axis, Axis, Axis],
     gyro_axes: tuple[Axis, Axis, Axis],
     gyro: Vector,

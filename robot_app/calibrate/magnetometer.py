@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from robot_app.calibrate.change import Change
 from robot_app.calibrate.guide import CalibrationError, Guide
-from robot_app.config import RobotConfig
+from robot_app.config import AnyRobotConfig
 from robot_app.drivers.lsm9ds1_magnetometer import Magnetometer, corrected_ut
 
 _FEWEST = 300
@@ -20,7 +20,7 @@ _OUTLIER = 3.0
 Vector = NDArray[np.float64]
 
 
-def calibrate_magnetometer(magnetometer: Magnetometer, config: RobotConfig, guide: Guide) -> list[Change]:
+def calibrate_magnetometer(magnetometer: Magnetometer, config: AnyRobotConfig, guide: Guide) -> list[Change]:
     """`magnetometer`: uncorrected. Raises `CalibrationError`."""
     field: list[tuple[float, float, float]] = []
 

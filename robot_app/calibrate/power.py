@@ -8,17 +8,17 @@ from robot_app.calibrate.change import Change
 from robot_app.calibrate.estimate import steady
 from robot_app.calibrate.guide import CalibrationError, Guide
 from robot_app.calibrate.sampling import collect
-from robot_app.config import RobotConfig
+from robot_app.config import AnyRobotConfig
 from robot_app.drivers.base import PowerMonitor
 from shared.runtime.clock import Clock
 
-_SAMPLES, _EVERY_S = 150, 0.02
+_SAMPLES, _EVERY_S = 60, 0.01
 _METER = 0.005  # of a common multimeter, share of its reading
 _LEAST_PIN_V = 0.2
 _MOST_ZERO_A = 5.0  # farther off is another sensor, or its wire
 
 
-def calibrate_power(monitor: PowerMonitor, config: RobotConfig, guide: Guide, clock: Clock) -> list[Change]:
+def calibrate_power(monitor: PowerMonitor, config: AnyRobotConfig, guide: Guide, clock: Clock) -> list[Change]:
     """The motor must stand; raises `CalibrationError` for readings that are none."""
     p = config.devices.power
     guide.say("The motor stays off. Everything else should run as it does on the road.")
