@@ -174,7 +174,7 @@ class RobotApp:
     def _watch_motion(self, count: Count | None, imu: ImuSample | None) -> None:
         now_s, state = self._clock.now_s(), self._odometry.state
         alarm = self._motion_watch.update(
-            now_s, count, imu, (state.speed_mps, state.yaw_rate_radps), self._motors.applied
+            now_s, count, imu, (self._pilot.rolling_mps, state.yaw_rate_radps), self._motors.applied
         )
         if alarm is not None:
             self._take_alarm(alarm, now_s)
@@ -188,8 +188,7 @@ class RobotApp:
             self._guard.pause(alarm.reason, now_s + STANDS_S)
         if alarm.reason is StopReason.SENSORS_DISAGREE:
             self._odometry.doubt_bias()
-        state = self._odometry.state
-        self._motors.brake(now_s, state.fastest_mps, alarm.speed_mps == 0.0, alarm.speed_mps)
+        self._motors.brake(now_s, self._pilot.rolling_mps, alarm.speed_mps == 0.0, alarm.speed_mps)
 
     def _read_scan(self) -> None:
         raw = self._hardware.scanner.read(_READ_TIMEOUT_S)
@@ -224,7 +223,7 @@ class RobotApp:
             self._motors.cut()
 
     def _brake(self, now_s: float) -> None:
-        self._motors.brake(now_s, self._odometry.state.fastest_mps, not self._is_blind(now_s))
+        self._motors.brake(now_s, self._pilot.rolling_mps, not self._is_blind(now_s))
 
     def _take_commands(self) -> None:
         now_s = self._clock.now_s()

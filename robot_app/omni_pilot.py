@@ -76,13 +76,21 @@ class OmniPilot:
             self._begin(behaviour)
         wanted = STAND_STILL if behaviour is Behaviour.STAND else self._drive(now_s, behaviour, state)
         right, left, back = state.wheels_mps or _NO_WHEELS
-        self._last_moved = self._omni.twist((right, left, back))
-        return OmniSetting(self._speed.step(now_s, wanted, (right, left, back)))
+        duties = self._speed.step(now_s, wanted, (right, left, back))
+        self._last_moved = self._speed.reference
+        return OmniSetting(duties)
+
+    @property
+    def rolling_mps(self) -> float:
+        """Of the fastest wheel, as measured; negative where the wheels roll against the motion last asked for."""
+        now = self._odometry.state.wheels_mps or _NO_WHEELS
+        along = sum(a * b for a, b in zip(now, self._omni.wheels_mps(self._last_moved), strict=True))
+        return math.copysign(max(map(abs, now)), along)
 
     def pushing(self, duty: float) -> OmniSetting:
-        """All motors, each by its share in the last motion; the fastest wheel with `duty`."""
+        """All motors, each by its share in the motion last asked for; the fastest wheel with `duty`."""
         right, left, back = self._omni.wheels_mps(self._last_moved)
-        fastest = max(right, left, back, key=abs)
+        fastest = max(map(abs, (right, left, back)))
         share = duty / fastest if fastest else 0.0
         return OmniSetting((share * right, share * left, share * back))
 

@@ -122,6 +122,11 @@ class Pilot:
         self._steering_rad = motion.steering_rad
         return DriveSetting(self._speed.step(now_s, motion.speed_mps, state.speed_mps), motion.steering_rad)
 
+    @property
+    def rolling_mps(self) -> float:
+        """How fast the driven wheels roll, as measured."""
+        return self._odometry.state.speed_mps
+
     def pushing(self, duty: float) -> DriveSetting:
         """With this duty, and the wheels steered as they are."""
         return DriveSetting(duty, self._steering_rad)

@@ -32,8 +32,13 @@ class AnyPilot(Protocol):
         """What the motors are to do now."""
         ...
 
+    @property
+    def rolling_mps(self) -> float:
+        """How fast the fastest wheel rolls, as measured; negative where that is against the way of `pushing`."""
+        ...
+
     def pushing(self, duty: float) -> Setting:
-        """With this duty along, or against, what the robot was doing last."""
+        """With this duty along the last way, or against it where it is negative."""
         ...
 
     def cut(self) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from robot_app.safety.omni_wheels import OmniWheelWatchConfig
 from robot_app.safety.stall import StallConfig
 from robot_app.safety.tilt import TiltConfig
 from robot_app.safety.wheels import WheelWatchConfig
@@ -56,6 +57,7 @@ class SafetyConfig:
     stall: StallConfig = field(default_factory=StallConfig)
     tilt: TiltConfig = field(default_factory=TiltConfig)
     wheels: WheelWatchConfig = field(default_factory=WheelWatchConfig)
+    omni_wheels: OmniWheelWatchConfig = field(default_factory=OmniWheelWatchConfig)
     min_beams: int = 12  # a scan with fewer echoes is that of a covered scanner
     command_silence_s: float = 1.0  # without a word from the station for so long the car stands …
     command_silence_radio_s: float = 2.0  # … and while LoRa alone carries words, which come turn by turn

@@ -6,8 +6,9 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from robot_app.drivers.base import Count, DriveSetting, EncoderCount, ImuSample, Setting
+from robot_app.drivers.base import Count, DriveSetting, EncoderCount, ImuSample, OmniCount, OmniSetting, Setting
 from robot_app.safety.bands import SafetyConfig
+from robot_app.safety.omni_wheels import OmniWheelWatch
 from robot_app.safety.tilt import TiltWatch
 from robot_app.safety.wheels import WheelFault, WheelWatch
 from shared.geometry.ackermann import CarGeometry
@@ -29,21 +30,20 @@ class Alarm:
 
 
 class MotionWatch:
-    """For all robots the tilt, for a car the wheels.
-
-    Asked only while a mission runs; call `forget` otherwise: whoever carries the robot may turn its wheels.
-    """
+    """Asked only while a mission runs; call `forget` otherwise: whoever carries the robot may turn its wheels."""
 
     def __init__(self, config: SafetyConfig, body: CarGeometry | OmniGeometry, metres_per_tick: float) -> None:
         self._tilt = TiltWatch(config.tilt)
-        car = body if isinstance(body, CarGeometry) else None
-        self._wheels = WheelWatch(config.wheels, car.wheelbase_m, metres_per_tick) if car is not None else None
+        self._wheels: WheelWatch | OmniWheelWatch
+        if isinstance(body, CarGeometry):
+            self._wheels = WheelWatch(config.wheels, body.wheelbase_m, metres_per_tick)
+        else:
+            self._wheels = OmniWheelWatch(config.omni_wheels, body, metres_per_tick)
         self._apart_s: deque[float] = deque(maxlen=_MANY)
         self._rests_until_s = -math.inf
 
     def forget(self) -> None:
-        if self._wheels is not None:
-            self._wheels.forget()
+        self._wheels.forget()
         self._apart_s.clear()
 
     def update(
@@ -54,14 +54,17 @@ class MotionWatch:
         motion: tuple[float, float],
         applied: Setting | None,
     ) -> Alarm | None:
-        """`motion`: forward speed and yaw rate by the odometry; `applied` by the drive, None while it is cut."""
+        """`motion`: how fast it rolls and turns, by the odometry; `applied` by the drive, None while it is cut."""
         if imu is not None and self._tilt.update(imu):
             return Alarm(StopReason.TILTED, "the robot is tilted")
         speed_mps, yaw_rate_radps = motion
-        if self._wheels is None or not isinstance(count, EncoderCount):
-            return None
-        setting = applied if isinstance(applied, DriveSetting) else None
-        fault = self._wheels.update(count, yaw_rate_radps, speed_mps, setting)
+        fault = None
+        if isinstance(self._wheels, WheelWatch) and isinstance(count, EncoderCount):
+            setting = applied if isinstance(applied, DriveSetting) else None
+            fault = self._wheels.update(count, yaw_rate_radps, speed_mps, setting)
+        elif isinstance(self._wheels, OmniWheelWatch) and isinstance(count, OmniCount):
+            duties = applied if isinstance(applied, OmniSetting) else None
+            fault = self._wheels.update(count, yaw_rate_radps, speed_mps, duties)
         if fault is None or now_s < self._rests_until_s:
             return None
         self._wheels.forget()
@@ -70,7 +73,7 @@ class MotionWatch:
     def _wheel_alarm(self, fault: WheelFault, now_s: float, speed_before_mps: float) -> Alarm:
         if fault is WheelFault.SILENT:
             return Alarm(StopReason.STALLED, fault.value, speed_mps=speed_before_mps)
-        if fault is not WheelFault.TURNING:
+        if fault not in {WheelFault.TURNING, WheelFault.GYRO}:
             return Alarm(StopReason.ENCODER_FAULT, fault.value, speed_mps=speed_before_mps)
         self._apart_s.append(now_s)
         self._rests_until_s = now_s + STANDS_S

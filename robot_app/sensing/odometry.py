@@ -53,11 +53,6 @@ class OdometryState:
     lateral_mps: float = 0.0
     wheels_mps: tuple[float, ...] = ()
 
-    @property
-    def fastest_mps(self) -> float:
-        """Of the wheels, by its amount."""
-        return max(self.wheels_mps, key=abs, default=0.0)
-
 
 class Odometry:
     """Integrates ticks and yaw rate; one thread updates, any thread reads."""
