@@ -62,7 +62,9 @@ class EmulatedRobot:
         return DeviceConfig(
             scanner=ScannerConfig(self.scanner.port, answer_timeout_s=0.2),
             drive=DriveConfig(pwm_chip=str(self.pwm.path)),
-            thermometer=ThermometerConfig(str(self._zone), str(self._zone.parent), str(self._zone.with_name("get_throttled"))),
+            thermometer=ThermometerConfig(
+                str(self._zone), str(self._zone.parent), str(self._zone.with_name("get_throttled"))
+            ),
             camera=DepthCameraConfig(start_up_s=2.0),
         )
 
