@@ -36,9 +36,10 @@ def run_robot(
     service: ServiceManager,
     on_ready: Callable[[], None],
     prepare: Callable[[Row], None] | None = None,
-) -> None:
+) -> tuple[TaskHealth, ...]:
     """Run the tasks of a warm app until `stop` is set. The car stops first, then the devices are closed.
 
+    Returns how the tasks did.
     `prepare`: called in the thread of each task before its first tick.
     """
     sys.setswitchinterval(SWITCH_INTERVAL_S)
@@ -63,6 +64,7 @@ def run_robot(
             _log.info("%s", line)
         if left:
             _log.error("these tasks did not end in time: %s", ", ".join(left))
+    return runner.health
 
 
 def _look_after(health: tuple[TaskHealth, ...], clock: Clock, stop: threading.Event, service: ServiceManager) -> None:

@@ -8,6 +8,8 @@ import sys
 from shared.command_line import Parser, run, set_up_logging
 from tools.evaluate import kidnap, mission, slam, urg
 from tools.evaluate.depth import drawing, extraction, lateness, learners, tables
+from tools.evaluate.endurance import command as endurance
+from tools.evaluate.faults import command as faults
 from tools.evaluate.goals import command as goals
 from tools.evaluate.link import air, codec, cut_missions, radio_mission
 from tools.evaluate.mapping import command as mapping
@@ -30,6 +32,8 @@ _COMMANDS = {
     "cuts": (cut_missions, "missions while Wi-Fi is cut again and again, against one without a cut"),
     "radio-mission": (radio_mission, "a mission over LoRa alone, in real time, through the real firmware"),
     "link": (air, "what Wi-Fi and LoRa carry, with losses, failures and cuts"),
+    "endurance": (endurance, "the robot app for minutes at real time: schedule, memory, processor"),
+    "faults": (faults, "each fault in the middle of a mission: what the robot does, what the operator sees"),
     "lateness": (lateness, "by how much the extraction delays the robot's 100 Hz task"),
 }
 
