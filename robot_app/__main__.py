@@ -16,6 +16,7 @@ from robot_app.app import RobotApp
 from robot_app.calibrate.command import PROCEDURES, calibrate
 from robot_app.calibrate.guide import Terminal
 from robot_app.check import check_devices, check_radios, table_row
+from robot_app.check_system import check_system
 from robot_app.config import AnyRobotConfig, load_any_config
 from robot_app.drivers.base import DeviceError
 from robot_app.drivers.raspberry_pi import open_hardware
@@ -63,12 +64,12 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _check(config: AnyRobotConfig) -> int:
-    """A line for each device as it is looked at; exit code 1 when one is missing."""
+    """A line for each thing as it is looked at; exit code 1 when one is missing or not in order."""
     missing = 0
     print(table_row(None), flush=True)  # noqa: T201 - the command's own words
     clock = MonotonicClock()
     radios = check_radios(config.radio, clock) if config.link.use != "tcp" else ()
-    for finding in chain(check_devices(config.devices, config.body, clock), radios):
+    for finding in chain(check_devices(config.devices, config.body, clock), radios, check_system(config)):
         print(table_row(finding), flush=True)  # noqa: T201
         missing += not finding.found
     return EXIT_FAILED if missing else EXIT_OK

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from robot_app.drivers.config import DeviceConfig
 from robot_app.drivers.hokuyo import HokuyoScanner
 from robot_app.drivers.l515 import RealSenseCamera
 from robot_app.drivers.lsm9ds1 import Lsm9ds1
+from robot_app.drivers.lsm9ds1_magnetometer import Lsm9ds1Magnetometer
 from robot_app.drivers.raspberry_pi import open_drive, open_encoders
 from robot_app.drivers.thermometer import CpuThermometer
 from shared.geometry.ackermann import CarGeometry
@@ -25,6 +27,8 @@ from shared.link.radios import open_one
 from shared.runtime.clock import Clock
 
 _PATIENCE_S = 3.0
+_HOT_C = 75.0  # a Pi slows down from 80 on
+_EARTH_UT = (20.0, 70.0)
 _RADIO_PATIENCE_S = 15.0  # at any baud rate, in any state
 _COLUMNS = ("device", "where", "found", "what it says, or what to do")
 
@@ -45,6 +49,7 @@ def check_devices(config: DeviceConfig, body: CarGeometry | OmniGeometry, clock:
         ("processor", c.thermometer.zone, lambda: _thermometer(c, clock)),
         ("power", f"I2C {c.power.bus}, {c.power.address:#04x}", lambda: _power(c, clock)),
         ("imu", f"I2C {c.imu.bus}, {c.imu.address:#04x}", lambda: _imu(c, clock)),
+        ("magnetometer", f"I2C {c.magnetometer.bus}, {c.magnetometer.address:#04x}", lambda: _magnetometer(c, clock)),
         ("encoders", c.encoders.chip if c.omni is None else c.omni.gpio_chip, lambda: _encoders(c, clock)),
         ("scanner", c.scanner.address or c.scanner.port, lambda: _scanner(c, clock)),
         ("depth camera", f"USB {c.camera.serial}".rstrip(), lambda: _camera(c, clock)),
@@ -63,7 +68,11 @@ def check_radios(radio: RadioConfig, clock: Clock) -> Iterator[Finding]:
         try:
             finding = Finding(f"radio {'AB'[i]}", port, True, _radio(radio, i, clock))
         except LinkError as error:
-            finding = Finding(f"radio {'AB'[i]}", port, False, str(error))
+            of_the_pi = port.startswith("/dev/ttyAMA") and not Path(port).exists()
+            words = (
+                f"{port}: this UART is off; put dtoverlay=uart2 or uart4 into config.txt" if of_the_pi else str(error)
+            )
+            finding = Finding(f"radio {'AB'[i]}", port, False, words)
         yield finding
 
 
@@ -98,13 +107,17 @@ def _drive(c: DeviceConfig, body: CarGeometry | OmniGeometry, clock: Clock) -> s
         drive.close()
     if not is_car:
         return "the three motors are free; which way each turns shows while driving by hand, lifted"
-    return "the front wheels must stand straight now; if not, change devices.drive.servo_trim_us"
+    return "the front wheels must stand straight now; if not: robot-app calibrate steering"
 
 
 def _thermometer(c: DeviceConfig, clock: Clock) -> str:
-    thermometer = CpuThermometer(c.thermometer, clock)
-    sample = thermometer.read(_PATIENCE_S)
-    return f"{sample.cpu_c:.1f} °C, {', '.join(sample.throttling) or 'not throttled'}"
+    sample = CpuThermometer(c.thermometer, clock).read(_PATIENCE_S)
+    text = f"{sample.cpu_c:.1f} °C, {', '.join(sample.throttling) or 'not throttled'}"
+    if "under-voltage" in sample.throttling:
+        raise DeviceError(f"{text}: give the Pi 5.1 V and 3 A over a short, thick cable, apart from the motor's supply")
+    if sample.cpu_c >= _HOT_C:
+        raise DeviceError(f"{text}: does the fan turn, is the heat sink on?")
+    return text
 
 
 def _power(c: DeviceConfig, clock: Clock) -> str:
@@ -128,13 +141,28 @@ def _imu(c: DeviceConfig, clock: Clock) -> str:
     text = f"acceleration {x:+.2f} {y:+.2f} {z:+.2f} m/s² forward, left, up"
     if abs(z - 9.8) < 1.5 and math.hypot(x, y) < 1.5:
         return f"{text}: upright"
-    return f"{text}: should be near 0 0 +9.8 on level floor; see devices.imu.acceleration_axes"
+    return f"{text}: should be near 0 0 +9.8 on level floor; robot-app calibrate imu sets devices.imu.acceleration_axes"
+
+
+def _magnetometer(c: DeviceConfig, clock: Clock) -> str:
+    magnetometer = Lsm9ds1Magnetometer(c.magnetometer, clock)
+    try:
+        sample = magnetometer.read(_PATIENCE_S)
+    finally:
+        magnetometer.close()
+    if sample is None:
+        raise DeviceError("opens, but measures nothing; check its supply")
+    size_ut = math.hypot(*sample.field_ut)
+    text = f"{size_ut:.0f} µT, north {math.degrees(sample.north_rad):+.0f}° to the left"
+    if _EARTH_UT[0] <= size_ut <= _EARTH_UT[1]:
+        return text
+    return f"{text}; the earth's field has 20 to 70: robot-app calibrate magnetometer (nothing drives by it)"
 
 
 def _encoders(c: DeviceConfig, clock: Clock) -> str:
     encoders = open_encoders(c, clock)
     encoders.close()
-    return "the lines are free; whether the wheels count up when pushed forward shows while driving"
+    return "the lines are free; robot-app calibrate encoders tells whether and how they count"
 
 
 def _scanner(c: DeviceConfig, clock: Clock) -> str:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from robot_app.drivers.base import DeviceError, EncoderCount, OmniCount
 from robot_app.drivers.config import EncoderConfig, OmniWheelsConfig
-from robot_app.drivers.gpio import load_gpiod
+from robot_app.drivers.gpio import advice, load_gpiod
 from shared.runtime.clock import Clock
 
 _log = logging.getLogger(__name__)
@@ -117,7 +117,7 @@ class _Counter:
                 event_buffer_size=_QUEUED_EVENTS,
             )
         except (OSError, ValueError) as error:
-            raise DeviceError(f"{self._name}, lines {', '.join(map(str, self._lines))}: {error}") from error
+            raise DeviceError(f"{self._name}, lines {', '.join(map(str, self._lines))}: {advice(error)}") from error
 
     def _drain(self, timeout_s: float) -> None:
         for i in range(_READS_AT_ONCE):

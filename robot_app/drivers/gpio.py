@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import threading
 from typing import Any
 
@@ -20,6 +21,18 @@ def load_gpiod(device: str) -> Any:
     return gpiod
 
 
+def advice(error: Exception) -> str:
+    """Why lines cannot be had, and what to do."""
+    number = error.errno if isinstance(error, OSError) else None
+    if number == errno.EBUSY:
+        return "another program uses them; is it the robot's service? sudo systemctl stop robot-app"
+    if number == errno.EACCES:
+        return "no permission; run: sudo usermod -aG gpio $USER, and log in again"
+    if number == errno.ENOENT:
+        return "there is no such chip; look with: ls /dev/gpiochip*"
+    return f"cannot be used: {error}"
+
+
 class GpioOutputs:
     """A few lines, low at first. Two threads may set them: gpiod has one buffer for both, hence the lock."""
 
@@ -33,7 +46,7 @@ class GpioOutputs:
         try:
             self._request: Any = gpiod.request_lines(chip, consumer=f"robot-app {name}", config={lines: low})
         except (OSError, ValueError) as error:
-            raise DeviceError(f"{self._name}: cannot be used: {error}") from error
+            raise DeviceError(f"{self._name}: {advice(error)}") from error
 
     def set(self, *high: bool) -> None:
         request = self._request

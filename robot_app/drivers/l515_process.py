@@ -75,8 +75,9 @@ class CameraProcess:
             self._memory = mmap.mmap(memory_fd, self._size, mmap.MAP_SHARED, mmap.PROT_READ)
             self._spawn(memory_fd)
         except OSError as error:
+            remedy = "sudo sh systemd/install.sh installs one" if isinstance(error, FileNotFoundError) else str(error)
             raise DeviceError(
-                f"{self._name}: devices.camera.interpreter {self._config.interpreter}: {error}"
+                f"{self._name}: devices.camera.interpreter {self._config.interpreter} cannot be started: {remedy}"
             ) from error
         finally:
             os.close(memory_fd)

@@ -114,14 +114,16 @@ def test_the_check_prints_a_table(
 ) -> None:
     robot.keeps_measuring = True
     path = toml_of(robot, tmp_path)
+    monkeypatch.setattr("robot_app.check_system.highest_priority", lambda: 80)
     assert call(monkeypatch, "--config", path, "check") == 0
     robot.remove("imu")
     assert call(monkeypatch, "--config", path, "check") == 1
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 16
+    assert len(lines) == 2 * 13
     assert lines[0].split()[:3] == ["device", "where", "found"]
+    assert [line.split()[0] for line in lines[9:13]] == ["real", "card", "clock", "pairing"]
     assert " yes " in lines[4]
-    assert " NO " in lines[12]
+    assert " NO " in lines[17]
 
 
 def test_a_missing_device_is_one_line_and_exit_code_2(
@@ -173,6 +175,8 @@ def test_the_radios_are_checked_one_by_one() -> None:
         ports = (radios.paths[0], "/dev/no-such-port")
         good, bad = check_radios(RadioConfig(ports), clock)
     assert (good.device, good.found, good.words) == ("radio A", True, "operates at 500 kHz, SF7, channel 1")
+    (off,) = check_radios(RadioConfig(("/dev/ttyAMA77",)), clock)
+    assert "dtoverlay=uart2" in off.words
     assert (bad.device, bad.found) == ("radio B", False)
     assert "there is no such port" in bad.words
 

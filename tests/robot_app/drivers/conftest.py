@@ -13,7 +13,7 @@ from shared.runtime.clock import MonotonicClock
 from tools.simulator.devices.pty_server import PtyServer
 from tools.simulator.devices.pwm import PwmFolder
 from tools.simulator.devices.realsense import Camera
-from tools.simulator.devices.registers import Ads1115Chip, I2cBus, Lsm9ds1Chip
+from tools.simulator.devices.registers import Ads1115Chip, I2cBus, Lsm9ds1Chip, MagnetometerChip
 from tools.simulator.devices.scip_sensor import ScipSensor
 from tools.simulator.devices.tcp_server import TcpServer
 
@@ -82,9 +82,16 @@ def converter() -> Ads1115Chip:
 
 
 @pytest.fixture
-def i2c(monkeypatch: pytest.MonkeyPatch, imu_chip: Lsm9ds1Chip, converter: Ads1115Chip) -> I2cBus:
-    """A bus with an IMU and a converter under the name of smbus2."""
-    bus = I2cBus({0x6B: imu_chip, 0x48: converter})
+def compass() -> MagnetometerChip:
+    return MagnetometerChip()
+
+
+@pytest.fixture
+def i2c(
+    monkeypatch: pytest.MonkeyPatch, imu_chip: Lsm9ds1Chip, compass: MagnetometerChip, converter: Ads1115Chip
+) -> I2cBus:
+    """A bus with an IMU, its magnetometer and a converter under the name of smbus2."""
+    bus = I2cBus({0x6B: imu_chip, 0x1E: compass, 0x48: converter})
     monkeypatch.setitem(sys.modules, "smbus2", bus.library())
     return bus
 

@@ -197,7 +197,9 @@ def test_a_frame_of_another_time_is_not_handed_out(open_camera: Open, impostor: 
 def test_what_hinders_the_start_is_explained(open_camera: Open) -> None:
     with pytest.raises(DeviceError, match="is it plugged into a blue USB 3 port"):
         open_camera("absent")
-    with pytest.raises(DeviceError, match=r"devices\.camera\.interpreter /nowhere/python3\.9: .*No such file"):
+    with pytest.raises(
+        DeviceError, match=r"devices\.camera\.interpreter /nowhere/python3\.9 cannot be started: .*install\.sh"
+    ):
         open_camera("frames", interpreter="/nowhere/python3.9")
     with pytest.raises(DeviceError, match="its process has ended"):
         open_camera("frames", interpreter="/bin/true")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -61,7 +62,13 @@ def test_the_check_shows_what_each_device_says(robot: EmulatedRobot, car: CarGeo
     findings = list(check_devices(robot.config, car, MonotonicClock()))
     assert [f.device for f in findings if not f.found] == []
     words = "\n".join(table_row(f) for f in findings)
-    for part in ("battery 7.20 V", "+9.81 m/s² forward, left, up: upright", "48.7 °C, not throttled", "depth in 100%"):
+    for part in (
+        "battery 7.20 V",
+        "+9.81 m/s² forward, left, up: upright",
+        "48.7 °C, not throttled",
+        "depth in 100%",
+        "46 µT, north +0°",
+    ):
         assert part in words
     assert "SOKUIKI Sensor UBG-04LX-F01" in words
     assert "of 682 beams measured" in words
@@ -77,11 +84,34 @@ def test_the_check_goes_on_after_a_missing_device(robot: EmulatedRobot, car: Car
     assert "i2cdetect" in next(f.words for f in findings if f.device == "power")
 
 
+@pytest.mark.parametrize(
+    ("temperature", "throttled", "words"),
+    [("81000", "0x0", "does the fan turn"), ("50000", "0x1", "5.1 V and 3 A")],
+)
+def test_heat_and_under_voltage_are_faults(
+    robot: EmulatedRobot, car: CarGeometry, tmp_path: Path, temperature: str, throttled: str, words: str
+) -> None:
+    (tmp_path / "temp").write_text(temperature, "ascii")
+    (tmp_path / "get_throttled").write_text(throttled, "ascii")
+    robot.keeps_measuring = True
+    finding = next(f for f in check_devices(robot.config, car, MonotonicClock()) if f.device == "processor")
+    assert not finding.found
+    assert words in finding.words
+
+
+def test_devices_of_the_running_service_are_told(robot: EmulatedRobot, car: CarGeometry) -> None:
+    robot.keeps_measuring = True
+    robot.gpio.used |= {5, 23}
+    busy = [f for f in check_devices(robot.config, car, MonotonicClock()) if not f.found]
+    assert [f.device for f in busy] == ["drive", "encoders"]
+    assert all("sudo systemctl stop robot-app" in f.words for f in busy)
+
+
 def test_an_imu_that_lies_on_its_side_is_told(robot: EmulatedRobot, car: CarGeometry) -> None:
     robot.keeps_measuring = True
     config = replace(robot.config, imu=replace(robot.config.imu, acceleration_axes=("z", "y", "-x")))
     words = next(f.words for f in check_devices(config, car, MonotonicClock()) if f.device == "imu")
-    assert "see devices.imu.acceleration_axes" in words
+    assert "calibrate imu" in words
 
 
 @pytest.mark.parametrize(

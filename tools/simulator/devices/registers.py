@@ -113,6 +113,37 @@ class Lsm9ds1Chip:
                 self.sample((0, 0, 0), (0, 0, 0))
 
 
+class MagnetometerChip:
+    """That of the LSM9DS1: idle after power-up, and counts up through its registers only when their number says so."""
+
+    def __init__(self) -> None:
+        self.registers = bytearray(128)
+        self.power_up()
+
+    def power_up(self) -> None:
+        self.registers[:] = bytes(128)
+        self.registers[0x0F], self.registers[0x20], self.registers[0x22] = 0x3D, 0x10, 0x03
+
+    def sample(self, field: tuple[int, int, int]) -> None:
+        """Digits; nothing happens unless it measures all the time."""
+        if self.registers[0x22] & 0b11 == 0:
+            self.registers[0x28:0x2E] = struct.pack("<3h", *field)
+            self.registers[0x27] |= 0x08
+
+    def read(self, register: int, count: int) -> bytes:
+        first, step = register & 0x7F, register >> 7
+        data = bytes(self.registers[first + step * i] for i in range(count))
+        if step and first <= 0x28 < first + count:
+            self.registers[0x27] &= 0xF7
+        return data
+
+    def write(self, register: int, values: bytes) -> None:
+        if register == 0x21 and values[0] & 0x04:
+            self.power_up()
+        else:
+            self.registers[register & 0x7F] = values[0]
+
+
 class Ads1115Chip:
     """`pins_v`: the voltages at the four inputs. A conversion ends after `polls` looks at the config register."""
 

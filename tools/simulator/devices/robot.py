@@ -21,7 +21,7 @@ from tools.simulator.devices.gpio import GpioChip
 from tools.simulator.devices.pty_server import PtyServer
 from tools.simulator.devices.pwm import PwmFolder
 from tools.simulator.devices.realsense import Camera
-from tools.simulator.devices.registers import Ads1115Chip, I2cBus, Lsm9ds1Chip
+from tools.simulator.devices.registers import Ads1115Chip, I2cBus, Lsm9ds1Chip, MagnetometerChip
 from tools.simulator.devices.scip_sensor import Mode, ScipSensor
 
 _BEAMS = 682
@@ -36,7 +36,8 @@ class EmulatedRobot:
         self.sensor = ScipSensor(np.full(_BEAMS, 2000))
         self.scanner = PtyServer(self.sensor.receive)
         self.imu = Lsm9ds1Chip()
-        self.i2c = I2cBus({0x6B: self.imu, 0x48: Ads1115Chip([2.4, 1.65, 0.0, 0.0])})
+        self.magnetometer = MagnetometerChip()
+        self.i2c = I2cBus({0x6B: self.imu, 0x1E: self.magnetometer, 0x48: Ads1115Chip([2.4, 1.65, 0.0, 0.0])})
         self.gpio = GpioChip()
         self.camera = Camera()
         self.pwm = PwmFolder(folder)
@@ -86,6 +87,7 @@ class EmulatedRobot:
             "thermometer": self._zone.unlink,
             "power": lambda: self.i2c.chips.pop(0x48),
             "imu": lambda: self.i2c.chips.pop(0x6B),
+            "magnetometer": lambda: self.i2c.chips.pop(0x1E),
             "encoders": lambda: self.gpio.used.add(5),
             "scanner": self.scanner.unplug,
             "camera": lambda: setattr(self.camera, "fault", "No device connected"),
@@ -105,4 +107,5 @@ class EmulatedRobot:
                 if self.sensor.mode is Mode.STREAMING:
                     self.send_scan(room_mm)
                 self.imu.sample((0, 0, 0), (0, 0, 16_393))
+                self.magnetometer.sample((-2143, 0, -2500))  # 30 µT to the north, which is ahead, and 35 down
                 self.camera.send(depth, ticks * _PERIOD_S * 1000)
