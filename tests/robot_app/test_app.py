@@ -6,7 +6,9 @@ from robot_app.app import RobotApp
 from robot_app.config import load_config
 from robot_app.control import _kernels as control_kernels
 from robot_app.perception import _kernels as edge_kernels
+from robot_app.perception.completion import _kernels as completion_kernels
 from robot_app.perception.curves import _kernels as crease_kernels
+from robot_app.perception.curves.sampling import _kernels as sampling_kernels
 from robot_app.perception.curves.tracing import _kernels as tracing_kernels
 from robot_app.perception.identity import _kernels as identity_kernels
 from robot_app.perception.learners.simplified import _kernels as growth_kernels
@@ -29,7 +31,9 @@ def compiled() -> dict[str, int]:
         edge_kernels,
         crease_kernels,
         tracing_kernels,
+        sampling_kernels,
         growth_kernels,
+        completion_kernels,
         network_kernels,
         refinement_kernels,
         identity_kernels,

@@ -7,7 +7,7 @@ import sys
 
 from shared.command_line import Parser, run, set_up_logging
 from tools.evaluate import kidnap, mission, slam, urg
-from tools.evaluate.depth import drawing, extraction, lateness, learners, tables
+from tools.evaluate.depth import drawing, extraction, lateness, learners, tables, variations
 from tools.evaluate.endurance import command as endurance
 from tools.evaluate.faults import command as faults
 from tools.evaluate.goals import command as goals
@@ -27,6 +27,7 @@ _COMMANDS = {
     "extraction": (extraction, "3D object extraction on depth images"),
     "tables": (tables, "writes tables 2 and 4, measured, into docs/extraction.md"),
     "drawing": (drawing, "how much of all that is in sight in the simulated rooms is drawn"),
+    "variations": (variations, "labelled clouds mirrored, cropped, noisier, through other lenses"),
     "learners": (learners, "the three learners side by side (table 2)"),
     "codec": (codec, "what observations cost in profile COMPACT, and in other packings"),
     "cuts": (cut_missions, "missions while Wi-Fi is cut again and again, against one without a cut"),

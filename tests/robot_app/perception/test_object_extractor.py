@@ -11,8 +11,10 @@ from PIL import Image
 
 from robot_app.drivers.base import DepthImage
 from robot_app.perception import _kernels as edge_kernels
+from robot_app.perception.completion import _kernels as completion_kernels
 from robot_app.perception.config import EdgeConfig, LearningConfig, PerceptionConfig, RefineConfig
 from robot_app.perception.curves import _kernels as crease_kernels
+from robot_app.perception.curves.sampling import _kernels as sampling_kernels
 from robot_app.perception.curves.tracing import _kernels as tracing_kernels
 from robot_app.perception.learners.simplified import _kernels as growth_kernels
 from robot_app.perception.network import _kernels as network_kernels
@@ -205,7 +207,16 @@ def test_nothing_is_compiled_after_warming_up(world, room) -> None:
 
 
 def all_kernels() -> list:
-    modules = (edge_kernels, crease_kernels, tracing_kernels, growth_kernels, network_kernels, refinement_kernels)
+    modules = (
+        edge_kernels,
+        crease_kernels,
+        tracing_kernels,
+        sampling_kernels,
+        growth_kernels,
+        completion_kernels,
+        network_kernels,
+        refinement_kernels,
+    )
     return [item for module in modules for item in vars(module).values() if hasattr(item, "signatures")]
 
 

@@ -19,6 +19,8 @@ from tools.evaluate.depth.files import DepthFileError, read_depth
 from tools.evaluate.depth.lab_frames import lab_camera, lab_frames
 from tools.evaluate.depth.pictures import draw
 from tools.evaluate.depth.stability import measure_stability
+from tools.evaluate.depth.variations import VARIATIONS, read_views
+from tools.evaluate.depth.variations import measure as measure_variation
 
 _KINECT_STEP = 96  # of the frames' numbers: ten of the sequence's first 960
 _PAPER_TABLE_2 = (
@@ -41,6 +43,7 @@ _PICTURES = {
     "lab view 7": "lab-bare",
     "frame-000096.depth.png": "kinect",
     "test55.pcd": "tabletop",
+    "depth_array.npy.gz": "parcel",
 }
 
 
@@ -58,6 +61,7 @@ def run(args: argparse.Namespace) -> int:
             ("table 2", _table_2(args.data)),
             ("batches", _batches(args.data)),
             ("table 4", _table_4(args.data, args.pictures)),
+            ("variations", _variations(args.data)),
             ("drawing", _drawing()),
             ("stability", _stability()),
         ):
@@ -79,6 +83,10 @@ def replace_between(text: str, name: str, table: list[str]) -> str:
 
 def _kinect(data: Path) -> list[Path]:
     return [data / "kinect_sequence" / f"frame-{_KINECT_STEP * k:06d}.depth.png" for k in range(10)]
+
+
+def _clouds(data: Path) -> list[Path]:
+    return sorted((data / "labelled_tabletop").glob("*.pcd"))
 
 
 def _table_2(data: Path) -> list[str]:
@@ -114,11 +122,7 @@ def _table_4(data: Path, pictures: Path | None) -> list[str]:
             f"| {name} | | {points} | {nodes} | {connections} | {found} | {low} m | {high} m | {ms} | | | | | | |"
         )
     lab, flat = (_measure_views(scenario_name, pictures) for scenario_name in ("lab", "flat"))
-    files = [
-        *_kinect(data),
-        *sorted((data / "l515").glob("*.npy.gz")),
-        *sorted((data / "labelled_tabletop").glob("*.pcd")),
-    ]
+    files = [*_kinect(data), *sorted((data / "l515").glob("*.npy.gz")), *_clouds(data)]
     read = [_measure_file(path, pictures) for path in files]
     for group in (lab, flat, read[:10], read[10:12], read[12:]):
         lines += [_line(row) for row in group]
@@ -174,6 +178,18 @@ def _measure(name: str, image: DepthImage, intrinsics: Intrinsics, mount: Mount,
 
 def _extractor(intrinsics: Intrinsics, mount: Mount) -> ObjectExtractor:
     return ObjectExtractor(PerceptionConfig(), intrinsics, mount)
+
+
+def _variations(data: Path) -> list[str]:
+    views = read_views(_clouds(data))
+    return [
+        "| | objects found | boundary precision | recall |",
+        "|---" * 4 + "|",
+        *(
+            f"| {row.variation} | {row.object_recall} | {row.boundary_precision} | {row.boundary_recall} |"
+            for row in (measure_variation(name, views) for name in VARIATIONS)
+        ),
+    ]
 
 
 def _drawing() -> list[str]:

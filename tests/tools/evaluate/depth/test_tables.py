@@ -33,7 +33,7 @@ def test_a_document_without_the_marks_is_refused(text: str) -> None:
 
 def test_the_document_has_all_marks() -> None:
     text = DOCUMENT.read_text(encoding="utf-8")
-    for name in ("table 2", "batches", "table 4", "drawing", "stability"):
+    for name in ("table 2", "batches", "table 4", "variations", "drawing", "stability"):
         assert replace_between(text, name, []) != text
 
 
