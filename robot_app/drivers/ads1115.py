@@ -61,7 +61,12 @@ class Ads1115:
         self._pause(_CONVERSION_S)
         while True:
             asked_s = self._clock.now_s()  # before the answer: a thread held up after it would give up too early
-            if int.from_bytes(self._device.read((_CONFIG, 2))[0], "big") & _START:
+            setting_read = int.from_bytes(self._device.read((_CONFIG, 2))[0], "big")
+            if (setting_read ^ setting) & ~_START:
+                raise DeviceError(
+                    f"{self._device.name}: does not keep its setting; is a wire loose, did its supply fail?"
+                )
+            if setting_read & _START:
                 break
             if asked_s > due_s:
                 raise DeviceError(f"{self._device.name}: a conversion does not end")

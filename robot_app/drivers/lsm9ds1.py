@@ -16,7 +16,7 @@ from shared.runtime.clock import Clock
 _WHO_AM_I, _WHO = 0x0F, 0x68
 _CTRL_REG1_G, _CTRL_REG4, _CTRL_REG5_XL, _CTRL_REG6_XL, _CTRL_REG8 = 0x10, 0x1E, 0x1F, 0x20, 0x22
 _STATUS, _OUT_X_XL = 0x17, 0x28  # the gyroscope's data follow the status
-_GYRO_READY = 0b10
+_GYRO_READY, _NEVER_SET = 0b10, 0x80
 _ODR = {119: 0b011 << 5, 238: 0b100 << 5}
 # Cut-off of the gyroscope's first low pass, which the rate fixes. The second one is left out (OUT_SEL is 0 after a
 # reset), because it would only add delay; its bits in CTRL_REG1_G mean nothing then.
@@ -90,6 +90,8 @@ class Lsm9ds1:
         while True:
             status_and_gyro, acceleration = self._device.read((_STATUS, 7), (_OUT_X_XL, 6))
             now_s = self._clock.now_s()
+            if status_and_gyro[0] & _NEVER_SET:
+                raise DeviceError(f"{self._device.name}: reads as nothing but ones; is a wire loose?")
             if status_and_gyro[0] & _GYRO_READY:
                 self._ready_by_s = now_s + _SILENCE_S
                 return self._sample(now_s, status_and_gyro[1:], acceleration)

@@ -22,6 +22,7 @@ _WHO_AM_I, _WHO = 0x0F, 0x3D
 _CTRL_REG1_M, _CTRL_REG2_M, _CTRL_REG3_M, _CTRL_REG4_M, _CTRL_REG5_M = 0x20, 0x21, 0x22, 0x23, 0x24
 _STATUS = 0x27  # the data follow it
 _READY, _COUNT_UP = 0x08, 0x80  # of all axes; in the register's number: the next byte is of the next register
+_ONES = bytes([0xFF]) * 7
 _HIGH_PERFORMANCE_80_HZ = 0b0_11_111_0_0
 _GAUSS_4 = 0x00
 _CONTINUOUS = 0x00
@@ -109,6 +110,8 @@ class Lsm9ds1Magnetometer:
         while True:
             (data,) = self._device.read((_STATUS | _COUNT_UP, 7))
             now_s = self._clock.now_s()
+            if data == _ONES:
+                raise DeviceError(f"{self._device.name}: reads as nothing but ones; is a wire loose?")
             if data[0] & _READY:
                 self._ready_by_s = now_s + _SILENCE_S
                 return self._sample(now_s, data[1:])
