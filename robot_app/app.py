@@ -304,7 +304,8 @@ class RobotApp:
         )
 
     def _faults(self) -> tuple[str, ...]:
-        tasks = tuple(h.fault for h in self._health() if h.fault is not None)
+        now_s = self._clock.now_s()
+        tasks = [h.fault or f"{h.row.name}: hangs" for h in self._health() if h.fault is not None or h.hangs(now_s)]
         halted = self._mission.state is MissionState.HALTED and self._halt_text
         return (*tasks, *([self._halt_text] if halted else []), *self._guard.warnings)
 
@@ -357,6 +358,8 @@ class RobotApp:
             return self._mission.stop_reason
         if self._mission.state is MissionState.IDLE:
             return StopReason.NONE
+        if self._clock.now_s() - self._control_s > schedule.CONTROL.max_age_s:
+            return StopReason.TASK_FAULT  # nobody else would say so
         if self._standing_reason is StopReason.NONE and self._pilot.state.blocked:
             return StopReason.BLOCKED
         return self._standing_reason

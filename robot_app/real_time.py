@@ -14,6 +14,8 @@ import resource
 from shared.runtime.runner import Row
 
 _log = logging.getLogger(__name__)
+_M_MMAP_THRESHOLD, _M_ARENA_MAX = -3, -8  # malloc.h
+_ARENAS, _LARGE_BYTES = 2, 128 * 1024
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4  # linux/mman.h
 
 
@@ -34,6 +36,19 @@ def lock_memory() -> bool:
         return True
     _log.warning("memory cannot be locked: %s", os.strerror(ctypes.get_errno()))
     return False
+
+
+def steady_memory() -> None:
+    """Give back what is freed, so that the memory in use says something: call it before the tasks' threads begin.
+
+    glibc gives each thread an arena of its own, and keeps a free place as large as the largest array that ever was: each
+    arena grows for minutes. Large arrays, as depth images are, are mapped and given back instead.
+    """
+    library = ctypes.CDLL(None)
+    if hasattr(library, "mallopt"):  # glibc
+        library.mallopt(_M_ARENA_MAX, _ARENAS)
+        library.mallopt(_M_MMAP_THRESHOLD, _LARGE_BYTES)
+        library.malloc_trim(0)
 
 
 def highest_priority() -> int:

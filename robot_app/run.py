@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 from robot_app import schedule
 from robot_app.app import RobotApp
+from robot_app.real_time import steady_memory
 from robot_app.service import ServiceManager
 from robot_app.timing import timing_report
 from shared.runtime.clock import Clock
@@ -47,6 +48,7 @@ def run_robot(
     app.use_health(lambda: runner.health)
     gc.collect()
     gc.freeze()
+    steady_memory()
     began_s = clock.now_s()
     runner.start()
     try:

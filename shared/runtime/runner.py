@@ -16,6 +16,7 @@ from shared.runtime.clock import Clock, ManualClock, processor_time_s, stopwatch
 
 _log = logging.getLogger(__name__)
 _JOIN_TIMEOUT_S = 3.0
+_HANGS_S = 0.2  # longer than its output is good for
 LATE_S = 0.005  # half a period of the fastest task
 
 
@@ -73,6 +74,10 @@ class TaskHealth:
         if self.fault is not None:
             _log.warning("%s works again", self.row.name)
             self.fault = None
+
+    def hangs(self, now_s: float) -> bool:
+        """It has worked, and does not any more, and has not failed either."""
+        return self.fault is None and self.ticks > 0 and now_s - self.last_good_s > self.row.max_age_s + _HANGS_S
 
     def failed(self, error: Exception) -> None:
         if self.fault is None:  # a fault is logged when it begins and when it ends

@@ -5,7 +5,7 @@ import threading
 import pytest
 
 from shared.runtime.clock import ManualClock, MonotonicClock
-from shared.runtime.runner import LockstepRunner, OnFault, Row, Task, ThreadRunner
+from shared.runtime.runner import LockstepRunner, OnFault, Row, Task, TaskHealth, ThreadRunner
 
 
 def row(name: str, rate_hz: float) -> Row:
@@ -64,6 +64,16 @@ def test_a_task_that_raises_is_reported_and_called_again() -> None:
     assert runner.health[0].fault == "t: device gone"
     runner.run_until(2.0)
     assert runner.health[0].fault is None
+
+
+def test_a_task_that_hangs_is_told_from_one_that_failed_and_one_that_has_not_begun() -> None:
+    health = TaskHealth(row("t", 10.0))
+    assert not health.hangs(100.0)
+    health.finished(1.0, 0.001)
+    assert not health.hangs(2.1)
+    assert health.hangs(2.3)
+    health.failed(RuntimeError("gone"))
+    assert not health.hangs(2.3)
 
 
 def test_threads_run_their_tasks_and_end_when_told() -> None:
