@@ -122,7 +122,8 @@ def run(args: argparse.Namespace) -> int:
                 _print(f"{name}: {SCENARIOS[name].text}", dataclasses.asdict(figures[name]))
         lab = lab_bytes(args.seconds, args.seed)
     if args.json:
-        found = {name: _rounded(dataclasses.asdict(f) | lab) for name, f in figures.items()}
+        every = dict.fromkeys(key for f in (LinkFigures, CutFigures) for key in f.__dataclass_fields__)
+        found = {name: _rounded(every | dataclasses.asdict(f) | lab) for name, f in figures.items()}
         print(json.dumps(found[names[0]] if len(names) == 1 else found, indent=1))
     else:
         _print("bytes of an observation in the lab", lab)
