@@ -48,6 +48,10 @@ class GoalKeeper:
         self._stands_s = _STANDS_S
         self._figures: GoalFigures | None = None
 
+    def use_planner(self, planner: PathPlanner) -> None:
+        """From the next plan on: another robot is there."""
+        self._planner = planner
+
     @property
     def figures(self) -> GoalFigures | None:
         """Of the goal that was asked for last, None before the first."""

@@ -25,6 +25,7 @@ from shared.messages import (
     Start,
     Stop,
     Telemetry,
+    Vitals,
 )
 from shared.protocol.observations import Received
 from shared.recording import Recorder, RecordingError
@@ -40,6 +41,7 @@ from station_gui.model.journal import Journal
 from station_gui.model.map_files import MapFiles
 from station_gui.model.telemetry_keeper import TelemetryKeeper
 from station_gui.model.view import LinkFigures, LogEntry, OperatorView, Severity, Target
+from station_gui.planning.on_the_spot import body_on_the_spot
 from station_gui.planning.path_planner import PathPlanner
 
 _QUEUE = 64  # observations that may wait for the mapping; the oldest give way
@@ -73,6 +75,7 @@ class Station:
     ) -> None:
         self._clock = clock
         self._car = car
+        self._planner = planner
         self._make_link = make_link
         self._name_recording = name_recording
         self._journal = Journal(clock)
@@ -88,6 +91,7 @@ class Station:
         self._target = Target()
         self._hello: Hello | None = None
         self._telemetry = TelemetryKeeper(self._journal)
+        self._vitals: Vitals | None = None
         self._observation: Observation | None = None
         self._snapshot: MapSnapshot | None = None
         self._mapping_fault = False
@@ -181,6 +185,7 @@ class Station:
             recording=str(recorder.path) if recorder is not None else "",
             log_length=self._journal.length,
             going=self._goals.figures,
+            vitals=self._vitals,
         )
 
     def log_since(self, index: int) -> list[LogEntry]:
@@ -280,6 +285,8 @@ class Station:
                 self._take_observation(report)
             case Telemetry() | Pulse():
                 self._telemetry.take(report, self._clock.now_s())
+            case Vitals():
+                self._vitals = report
             case Hello():
                 self._take_hello(report)
             case _:
@@ -302,7 +309,9 @@ class Station:
         self.figures.observations_dropped += full
 
     def _take_hello(self, hello: Hello) -> None:
-        if hello != self._hello and not self._is_planned_for(hello):
+        body = body_on_the_spot(hello)
+        self._goals.use_planner(self._planner if body is None else self._planner.for_body(body))
+        if hello != self._hello and body is None and not self._is_planned_for(hello):
             self._journal.add(
                 Severity.WARNING,
                 f"{hello.robot_name} has another size than [car] in station.toml: paths may not fit it",

@@ -71,6 +71,10 @@ class PathPlanner:
         self._config = config
         self._body = np.array([car.rear_m, car.front_m, car.width_m / 2, config.margin_m, config.comfort_m])
 
+    def for_body(self, car: CarGeometry) -> PathPlanner:
+        """One that plans in the same way for another robot."""
+        return PathPlanner(car, self._config, self._now_s)
+
     def plan(
         self,
         grid: GridMap,

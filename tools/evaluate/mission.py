@@ -9,8 +9,7 @@ import sys
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from robot_app.config import RobotConfig
-from robot_app.config import load_config as load_robot
+from robot_app.config import AnyRobotConfig
 from shared.command_line import EXIT_FAILED, EXIT_OK, seed
 from shared.runtime.clock import stopwatch_s
 from station_gui.config import StationConfig
@@ -21,14 +20,15 @@ from tools.evaluate.seeds import Figures, header, over_seeds, row, seed_list
 from tools.evaluate.summary import summarise
 from tools.simulator.links import LINK_NAMES, LinkName
 from tools.simulator.lockstep import MissionResult, run_mission
-from tools.simulator.scenario import Scenario, SlipParameters, find_scenario
+from tools.simulator.robots import with_robot_of
+from tools.simulator.scenario import ROBOT_NAMES, Scenario, SlipParameters, find_scenario
 from tools.simulator.witness import Witness
 
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
     scenario: Scenario
-    robot: RobotConfig
+    robot: AnyRobotConfig
     station: StationConfig
     link: LinkName
 
@@ -54,7 +54,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="tcp",
         help="Wi-Fi alone, LoRa alone at the paper's rate, or Wi-Fi that is cut and LoRa (default: tcp)",
     )
-    parser.add_argument("--robot", metavar="FILE", type=Path, help="robot.toml instead of the one that comes along")
+    parser.add_argument(
+        "--robot", default="car", help=f"{' or '.join(ROBOT_NAMES)}, or a file instead of its robot.toml (default: car)"
+    )
     parser.add_argument("--station", metavar="FILE", type=Path, help="station.toml instead of the one that comes along")
     parser.add_argument("--out", metavar="DIR", type=Path, help="write map2d.png, mission.mcap and truth/ here")
     parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
@@ -75,14 +77,15 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _plan(args: argparse.Namespace) -> _Plan:
-    scenario, station = find_scenario(args.scenario), load_station(args.station)
+    station = load_station(args.station)
+    scenario, robot = with_robot_of(find_scenario(args.scenario), args.robot)
     if args.slip is not None:
         scenario = replace(scenario, encoders=replace(scenario.encoders, slip=SlipParameters.of(args.slip)))
     if args.gyro_bias is not None:
         scenario = replace(scenario, imu=replace(scenario.imu, gyro_bias_dps=args.gyro_bias))
     if args.method is not None:
         station = replace(station, method=args.method)
-    return _Plan(scenario, load_robot(args.robot), station, args.link)
+    return _Plan(scenario, robot, station, args.link)
 
 
 def _run_seeds(plan: _Plan, args: argparse.Namespace) -> int:

@@ -492,3 +492,12 @@ def test_a_robot_that_starts_again_has_to_be_found_in_the_map_that_was_given(sce
     assert after.tracking is Tracking.SEARCHING
     assert len(after.trajectory) == len(before.trajectory)
     assert "it has to be found in the map" in scene.log()
+
+
+def test_a_robot_that_turns_on_the_spot_is_planned_for_as_it_says(scene: Scene) -> None:
+    around = ((-0.17, -0.17), (0.17, -0.17), (0.17, 0.17), (-0.17, 0.17))
+    scene.send(dataclasses.replace(scene.hello, footprint_m=around, min_turning_radius_m=0.0))
+    assert "another size" not in scene.log()
+    assert scene.station._goals._planner is not scene.station._planner
+    scene.send(scene.hello)
+    assert scene.station._goals._planner is scene.station._planner
