@@ -110,13 +110,8 @@ def calibrate(what: str, config: AnyRobotConfig, path: Path | None, guide: Guide
     with _signals_raise():
         try:
             changes = PROCEDURES[what](config, guide, clock)
-        except CalibrationError as error:
+        except (CalibrationError, DeviceError) as error:
             guide.say(f"Not done: {error}.")
-            return False
-        except DeviceError as error:
-            guide.say(
-                f"Not done: {error}. While robot-app.service runs it has the devices: sudo systemctl stop robot-app"
-            )
             return False
     guide.say("")
     for change in changes:

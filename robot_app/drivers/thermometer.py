@@ -38,7 +38,9 @@ class CpuThermometer:
         try:
             return int(self._zone.read_text("ascii")) / 1000
         except (OSError, ValueError) as error:
-            raise DeviceError(f"thermometer at {self._zone}: cannot be read: {error}") from error
+            raise DeviceError(
+                f"thermometer at {self._zone}: cannot be read: {error}; is this a Raspberry Pi?"
+            ) from error
 
     def _read_fan(self) -> bool | None:
         """The kernel's gpio-fan is a cooling device whose state is its speed."""

@@ -66,12 +66,19 @@ class DepthPipeline:
         if serial:
             request.enable_device(serial)
         request.enable_stream(rs.stream.depth, width, height, rs.format.z16, rate_hz)
+        if not (request.can_resolve(rs.pipeline_wrapper(pipeline)) or self._is_there(serial)):
+            raise RuntimeError("No device connected")  # librealsense would say so after waiting 15 s for one
         profile = pipeline.start(request)
         self._pipeline, self._device, self._last_number = pipeline, profile.get_device(), -1
         lens = profile.get_stream(rs.stream.depth).as_video_stream_profile().get_intrinsics()
         model = str(self._device.get_info(rs.camera_info.name))
         unit_m = float(self._device.first_depth_sensor().get_depth_scale())
         return Lens(model, unit_m, lens.width, lens.height, lens.fx, lens.fy, lens.ppx, lens.ppy)
+
+    def _is_there(self, serial: str) -> bool:
+        info = self._realsense.camera_info.serial_number
+        devices = self._realsense.context().query_devices()
+        return any(not serial or device.get_info(info) == serial for device in devices)
 
     def fetch(self, timeout_ms: int) -> Frame | None:
         """None: no frame came in time that was not fetched before."""

@@ -58,6 +58,7 @@ def test_a_frame_that_waited_keeps_its_stamp(camera: Camera) -> None:
 
 def test_scale_and_lens_are_the_devices(camera: Camera) -> None:
     camera.depth_scale = 0.001
+    camera.serial = "f0123"
     driver = RealSenseCamera(DepthCameraConfig(serial="f0123"), ManualClock())
     lens = driver.intrinsics
     assert (lens.width, lens.height, lens.fx, lens.fy) == (640, 480, 457.0, 461.0)
@@ -139,3 +140,10 @@ def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyrealsense2", None)
     with pytest.raises(DeviceError, match="pyrealsense2 is not installed"):
         RealSenseCamera(CONFIG, ManualClock())
+
+
+def test_another_camera_than_the_one_named_is_told_at_once(camera: Camera) -> None:
+    """librealsense itself waits 15 s for one that is not there."""
+    with pytest.raises(DeviceError, match="is not found"):
+        RealSenseCamera(DepthCameraConfig(serial="f0123"), ManualClock())
+    assert camera.starts == 0

@@ -17,6 +17,7 @@ class Camera:
         self.depth_scale = depth_scale
         self.lens = SimpleNamespace(width=640, height=480, fx=457.0, fy=461.0, ppx=319.5, ppy=239.5)
         self.fault: str | None = None
+        self.serial = "f0000001"
         self.is_lost = False
         self.starts = 0
         self.stops = 0
@@ -32,6 +33,10 @@ class Camera:
     def reset(self) -> None:
         self.resets += 1
 
+    @property
+    def is_absent(self) -> bool:
+        return self.is_lost or self.fault == "No device connected"
+
     def take(self) -> _Frame | None:
         return self._frames.popleft() if self._frames else None
 
@@ -41,8 +46,20 @@ class Camera:
             config=lambda: _Config(self),
             stream=SimpleNamespace(depth="depth"),
             format=SimpleNamespace(z16="z16"),
-            camera_info=SimpleNamespace(name="name"),
+            camera_info=SimpleNamespace(name="name", serial_number="serial number"),
+            context=lambda: SimpleNamespace(query_devices=lambda: [] if self.is_absent else [_Listed(self)]),
+            pipeline_wrapper=lambda pipeline: pipeline,
         )
+
+
+class _Listed:
+    """A camera as the list of all has it."""
+
+    def __init__(self, camera: Camera) -> None:
+        self._camera = camera
+
+    def get_info(self, what: str) -> str:
+        return self._camera.serial if what == "serial number" else "Intel RealSense L515"
 
 
 class _Frame:
@@ -71,6 +88,10 @@ class _Config:
 
     def enable_stream(self, *stream: Any) -> None:
         self._camera.requested.append(stream)
+
+    def can_resolve(self, _pipeline: Any) -> bool:
+        wanted = {request[0] for request in self._camera.requested if len(request) == 1}
+        return self._camera.fault is None and not self._camera.is_lost and wanted <= {self._camera.serial}
 
 
 class _Pipeline:

@@ -12,7 +12,15 @@ CAMERA = os.environ["CAMERA"]
 NEVER = threading.Event()
 stream = SimpleNamespace(depth="depth")
 format = SimpleNamespace(z16="z16")  # noqa: A001 - the library's name
-camera_info = SimpleNamespace(name="name")
+camera_info = SimpleNamespace(name="name", serial_number="serial number")
+
+
+def context():
+    return SimpleNamespace(query_devices=list)
+
+
+def pipeline_wrapper(wrapped):
+    return wrapped
 
 
 class config:  # noqa: N801 - the library's name
@@ -22,6 +30,9 @@ class config:  # noqa: N801 - the library's name
     def enable_stream(self, *wanted):
         self.width, self.height = wanted[1:3]
 
+    def can_resolve(self, _pipeline):
+        return CAMERA != "absent"
+
 
 class pipeline:  # noqa: N801
     def __init__(self):
@@ -29,6 +40,7 @@ class pipeline:  # noqa: N801
 
     def start(self, request):
         if CAMERA == "absent":
+            NEVER.wait(15.0)  # as the library does
             raise RuntimeError("No device connected")
         if CAMERA == "hangs_at_start":
             NEVER.wait()
