@@ -30,6 +30,7 @@ from robot_app.safety.plausible import ImuWatch, ScanWatch
 from robot_app.sensing.observation import observe
 from robot_app.sensing.scan_filter import thin, thinned_geometry
 from robot_app.uplink import Uplink
+from robot_app.vitals import VitalsMeter
 from shared.link.base import Link, LinkPath
 from shared.messages import (
     Command,
@@ -99,6 +100,7 @@ class RobotApp:
         )
         self._is_shut = False
         self._depth_images = 0
+        self._vitals = VitalsMeter(hardware, clock.now_s())
         self._sequence = 0
         self._observed_scan_s = -math.inf
         self._observe_due_s = clock.now_s()
@@ -302,6 +304,11 @@ class RobotApp:
                 faults=self._faults(),
             )
         )
+        self._report_vitals(now_s, temperature)
+
+    def _report_vitals(self, now_s: float, temperature: TemperatureSample | None) -> None:
+        if self._uplink.wants_vitals(now_s, temperature.throttling if temperature is not None else ()):
+            self._uplink.report_vitals(self._vitals.measure(now_s, self._health(), temperature))
 
     def _faults(self) -> tuple[str, ...]:
         now_s = self._clock.now_s()

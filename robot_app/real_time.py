@@ -41,8 +41,8 @@ def lock_memory() -> bool:
 def steady_memory() -> None:
     """Give back what is freed, so that the memory in use says something: call it before the tasks' threads begin.
 
-    glibc gives each thread an arena of its own, and keeps a free place as large as the largest array that ever was: each
-    arena grows for minutes. Large arrays, as depth images are, are mapped and given back instead.
+    glibc gives each thread an arena of its own, which keeps what was the largest ever needed: they grow for minutes.
+    Large arrays, as depth images are, are mapped and given back instead.
     """
     library = ctypes.CDLL(None)
     if hasattr(library, "mallopt"):  # glibc

@@ -6,7 +6,7 @@ from shared.runtime.runner import OnFault, Row
 
 #                   name         rate Hz  max age s  budget s  on fault  FIFO priority: the shorter the wait, the higher
 ODOMETRY = Row("odometry", 100.0, 0.08, 0.004, OnFault.HALT, 50)
-SCAN = Row("scan", 50.0, 0.15, 0.010, OnFault.HALT, 40)  # the scanner's own rate is 25 Hz; one may be lost
+SCAN = Row("scan", 50.0, 0.14, 0.010, OnFault.HALT, 40)  # the scanner's own rate is 25 Hz; one may be lost
 CONTROL = Row("control", 50.0, 0.10, 0.010, OnFault.HALT, 45)
 COMMANDS = Row("commands", 50.0, 1.00, 0.010, OnFault.RETRY, 30)
 DEPTH = Row("depth", 10.0, 0.50, 0.050, OnFault.DEGRADE)

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import fields
 
 from robot_app.budget import Budget
+from robot_app.vitals import brief
 from shared.link.base import ForRadio, Lane, Link, LinkError, LinkPath
 from shared.messages import (
     Ack,
@@ -28,6 +29,7 @@ from shared.messages import (
     Refusal,
     Stop,
     Telemetry,
+    Vitals,
 )
 from shared.protocol.codec import Decoder, encode
 from shared.protocol.compact.warm_up import warm_up
@@ -40,6 +42,7 @@ _HELLO_EVERY_S = 2.0  # where a datagram may be dropped …
 _HELLO_AGAIN_S = 30.0  # … and where nothing is lost
 _PULSE_S = 1.0  # over LoRa
 _WHOLE_TELEMETRY_S = 10.0  # the same
+_VITALS_S, _VITALS_RADIO_S, _VITALS_SLOT = 2.0, 30.0, 1
 _KEYFRAME_S = 1.0  # who wants one again so soon has not got the last one yet
 _WANTED_HZ = 8.0  # of observations over LoRa: detail gives way before it
 _LONG_SILENCE_S = 5.0  # what was ordered before it may have lain in the link, and is not expected any more
@@ -76,6 +79,8 @@ class Uplink:
         self._wants_keyframe = False
         self._told: tuple[object, ...] = ()
         self._told_s = self._pulse_s = -math.inf
+        self._vitals_s = -math.inf
+        self._told_throttling: tuple[str, ...] = ()
         self.observations_skipped = 0
 
     def warm_up(self) -> None:
@@ -143,6 +148,16 @@ class Uplink:
             self._send(whole, Lane.NEWEST, for_radio=lambda: encode(_pulse_of(telemetry)))
         elif not slow:
             self._send(whole, Lane.NEWEST)
+
+    def wants_vitals(self, now_s: float, throttling: tuple[str, ...]) -> bool:
+        """Every two seconds over Wi-Fi; over LoRa every half minute, and when the processor is held back or let go."""
+        slow = self._link.mends_itself and self._link.path is LinkPath.RADIO
+        every_s = _VITALS_RADIO_S if slow and throttling == self._told_throttling else _VITALS_S
+        return self._link.connected and now_s - self._vitals_s >= every_s
+
+    def report_vitals(self, vitals: Vitals) -> None:
+        if self._send(encode(vitals), Lane.NEWEST, lambda: encode(brief(vitals)), _VITALS_SLOT):
+            self._vitals_s, self._told_throttling = vitals.stamp_s, vitals.throttling
 
     def observe(self, observation: Observation, now_s: float, waited: bool = False) -> bool:
         """Send an observation; False when the link had no room or no peer. `waited`: there was none a moment ago."""
@@ -220,9 +235,9 @@ class Uplink:
         except LinkError:
             return None
 
-    def _send(self, datagram: bytes, lane: Lane, for_radio: ForRadio | None = None) -> bool:
+    def _send(self, datagram: bytes, lane: Lane, for_radio: ForRadio | None = None, slot: int = 0) -> bool:
         try:
-            return self._link.connected and self._link.send(datagram, lane, 0, for_radio)
+            return self._link.connected and self._link.send(datagram, lane, slot, for_radio)
         except LinkError:
             return False
 

@@ -155,6 +155,37 @@ class Pulse:
     distance_m: float
 
 
+class FanState(IntEnum):
+    UNKNOWN = 0
+    OFF = 1
+    ON = 2
+
+
+@dataclass(frozen=True, slots=True)
+class TaskVitals:
+    """How a task keeps its row of the schedule: rates and shares since the last report, the worst since the start."""
+
+    name: str
+    rate_hz: float
+    late_share: float  # of the ticks, by more than 5 ms
+    over_budget_share: float
+    latest_s: float
+    longest_s: float  # processor time of a tick
+
+
+@dataclass(frozen=True, slots=True)
+class Vitals:
+    """How the robot's computer does. Over LoRa only the tasks that are not on time are named."""
+
+    stamp_s: float
+    cores: float  # processor time of the app over time, since the last report
+    memory_mb: float
+    fan: FanState
+    throttling: tuple[str, ...]  # what holds the processor back now
+    tasks: tuple[TaskVitals, ...]
+    counters: tuple[tuple[str, int], ...] = ()  # of the drivers: what was damaged or lost since the start
+
+
 @dataclass(frozen=True, slots=True)
 class KeyframeWanted:
     """The station cannot follow the compact observations any more: the next one must stand for itself."""
@@ -258,5 +289,5 @@ class NumberedCommand:
     command: Command
 
 
-Report = Observation | Telemetry | Pulse | Hello | Ack | Refusal
+Report = Observation | Telemetry | Pulse | Vitals | Hello | Ack | Refusal
 Message = Report | NumberedCommand | KeyframeWanted

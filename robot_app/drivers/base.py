@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -169,6 +169,16 @@ class Drive(Protocol):
     def close(self) -> None: ...
 
 
+@runtime_checkable
+class Counting(Protocol):
+    """A device that loses something now and then without failing."""
+
+    @property
+    def losses(self) -> dict[str, int]:
+        """Since it was opened, by their names."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class Hardware:
     """All devices of a robot."""
@@ -180,6 +190,12 @@ class Hardware:
     power: PowerMonitor
     thermometer: Thermometer
     drive: Drive
+
+    @property
+    def losses(self) -> tuple[tuple[str, int], ...]:
+        """Of those devices that count them; names and numbers."""
+        devices = (self.scanner, self.camera, self.imu, self.encoders, self.power, self.thermometer)
+        return tuple(item for device in devices if isinstance(device, Counting) for item in device.losses.items())
 
     def close(self) -> None:
         self.drive.stop()

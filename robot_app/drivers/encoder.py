@@ -165,6 +165,10 @@ class QuadratureEncoders(_Counter):
         wheels = _Wheel(c.left_a, c.left_b, c.left_reversed), _Wheel(c.right_a, c.right_b, c.right_reversed)
         super().__init__(c.chip, wheels, c.pull_up)
 
+    @property
+    def losses(self) -> dict[str, int]:
+        return {"lost edges": self.lost_edges, "impossible edges": self.impossible_edges}
+
     def read(self, timeout_s: float) -> EncoderCount:
         """Waits for an edge at most `timeout_s`, and answers without one as well."""
         left, right = self.ticks(timeout_s)

@@ -185,6 +185,10 @@ class HokuyoScanner:
                 self._check_silence(now_s)
                 return None
 
+    @property
+    def losses(self) -> dict[str, int]:
+        return {"damaged scans": self.counters.corrupt, "scans left out": self.counters.skipped}
+
     def _check_silence(self, now_s: float) -> None:
         if now_s - self._good_s > self._config.silence_s:
             raise DeviceError(f"{self._name}: no good scan any more; are cable and supply in order?")

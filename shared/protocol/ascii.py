@@ -31,6 +31,7 @@ from shared.protocol.fields import (
     Number,
     Reader,
     Record,
+    Repeat,
     WireError,
 )
 
@@ -135,6 +136,8 @@ def _text(field: Field, value: Any) -> str:
             shown = " ".join(",".join(f"{v:.9g}" for v in row) for row in value.tolist())
         case IndexPairs():
             shown = " ".join(f"{a}-{b}" for a, b in value.tolist())
+        case Repeat(item=Record() as row):
+            shown = json.dumps([[getattr(v, name) for name, _ in row.fields] for v in value])
         case _:
             shown = json.dumps(value)
     return shown
@@ -164,7 +167,7 @@ def _value(field: Field, text: str) -> Any:
         case IndexPairs():
             value = _indices(words)
         case _:
-            value = _tuples(json.loads(text))
+            value = _repeated(field, json.loads(text))
     return value
 
 
@@ -193,6 +196,12 @@ def _indices(words: list[str]) -> NDArray[np.uint16]:
     if len(pairs) and not 0 <= pairs.min() <= pairs.max() <= 0xFFFF:
         raise WireError("an index over 65535")
     return pairs.astype(np.uint16)
+
+
+def _repeated(field: Field, value: Any) -> Any:
+    if isinstance(field, Repeat) and isinstance(field.item, Record):
+        return tuple(field.item.kind(*cells) for cells in value)
+    return _tuples(value)
 
 
 def _tuples(value: Any) -> Any:

@@ -142,6 +142,20 @@ class Repeat:
 
 
 @dataclass(frozen=True, slots=True)
+class Both:
+    """A tuple of two of different kinds."""
+
+    first: Field
+    second: Field
+
+    def write(self, value: tuple[Any, Any]) -> bytes:
+        return self.first.write(value[0]) + self.second.write(value[1])
+
+    def read(self, reader: Reader) -> tuple[Any, Any]:
+        return self.first.read(reader), self.second.read(reader)
+
+
+@dataclass(frozen=True, slots=True)
 class Pair:
     """A tuple of two."""
 

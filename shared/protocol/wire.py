@@ -8,6 +8,7 @@ from __future__ import annotations
 from shared import messages as m
 from shared.geometry.se2 import Pose2
 from shared.protocol.fields import (
+    Both,
     Choice,
     DeltaSeries,
     DeltaTable,
@@ -47,6 +48,19 @@ _GEOMETRY = Record(
 )
 
 _OBJECTS = Record(m.ObjectNetwork, (("nodes_m", LevelTable(3, 0.001)), ("edges", IndexPairs())))
+
+_SHARE = Number("H", 0.0001)  # 0 to 1
+_TASK = Record(
+    m.TaskVitals,
+    (
+        ("name", Text()),
+        ("rate_hz", Number("H", 0.01)),
+        ("late_share", _SHARE),
+        ("over_budget_share", _SHARE),
+        ("latest_s", Number("H", 0.0001)),
+        ("longest_s", Number("H", 0.0001)),
+    ),
+)
 
 REPORTS: dict[int, Record] = {
     1: Record(
@@ -110,6 +124,18 @@ REPORTS: dict[int, Record] = {
         ),
     ),
     7: Record(m.KeyframeWanted, ()),
+    8: Record(
+        m.Vitals,
+        (
+            ("stamp_s", Number("I", 0.001)),
+            ("cores", _CENTI),
+            ("memory_mb", Number("H", 0.1)),
+            ("fan", Choice(m.FanState)),
+            ("throttling", Repeat(Text())),
+            ("tasks", Repeat(_TASK)),
+            ("counters", Repeat(Both(Text(), Number("I")))),
+        ),
+    ),
 }
 
 COMMANDS: dict[int, Record] = {

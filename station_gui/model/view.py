@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.link.base import LinkHealth, LinkPath
-from shared.messages import Hello, Observation, Telemetry
+from shared.messages import Hello, Observation, Telemetry, Vitals
 from station_gui.comms.state import LinkState, Severity
 from station_gui.comms.target import Target
 from station_gui.mapping.snapshot import MapSnapshot
@@ -57,6 +57,7 @@ class OperatorView:
     path_m: NDArray[np.float64] | None  # (N, 2), map frame
     recording: str  # path of the recording, empty when there is none
     log_length: int  # how many log entries there have been
+    vitals: Vitals | None = None  # of the robot's computer, the newest
     going: GoalFigures | None = None  # of the goal that was asked for last
 
 

@@ -13,11 +13,11 @@ from station_gui.qt.widgets import ElidedLabel, Panel, label, set_property
 from station_gui.views import words
 from station_gui.views.pose import robot_on_map
 
-_ROWS = ("On the map", "Odometry", "Turn rate", "Late ticks", "Faults")
+_ROWS = ("On the map", "Odometry", "Turn rate", "Schedule", "Computer", "Devices", "Faults")
 
 
 class DetailsPanel(Panel):
-    """Poses, turn rate, missed deadlines and standing faults."""
+    """Poses, turn rate, how the robot's computer and its devices do, and standing faults."""
 
     def __init__(self) -> None:
         super().__init__("Details")
@@ -47,7 +47,9 @@ def _texts(view: OperatorView) -> tuple[str, ...]:
         on_map,
         _pose_text(telemetry.odom_from_robot),
         words.number(math.degrees(telemetry.yaw_rate_radps), 0, "°/s"),
-        str(telemetry.late_ticks),
+        words.schedule_text(telemetry, view.vitals),
+        words.computer_text(view.vitals),
+        words.losses_text(view.vitals),
         ", ".join(telemetry.faults) or "none",
     )
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 
 from shared.link.base import LinkPath
-from shared.messages import MissionState, StopReason, Telemetry
+from shared.messages import FanState, MissionState, StopReason, Telemetry, Vitals
 from station_gui.mapping.snapshot import MapSnapshot, Tracking
 from station_gui.model.goal_figures import GoalFigures, GoalState
 from station_gui.model.view import LinkState, OperatorView
 from station_gui.views.pose import robot_on_map
 
 NO_VALUE = "–"
+_LATE_SHARE = 0.005  # of the ticks, by more than 5 ms
 
 STATE_NAMES = {
     MissionState.IDLE: "Idle",
@@ -80,6 +81,30 @@ def age(age_s: float) -> str:
     if age_s < 100:
         return f"{age_s:.1f} s"
     return f"{age_s / 60:.0f} min"
+
+
+def schedule_text(telemetry: Telemetry, vitals: Vitals | None) -> str:
+    """How punctual the robot's tasks are: the one that is late most often, over the last seconds."""
+    skipped = f", {telemetry.late_ticks} ticks skipped" if telemetry.late_ticks else ""
+    late = max(vitals.tasks, key=lambda task: task.late_share, default=None) if vitals is not None else None
+    if late is None or late.late_share < _LATE_SHARE:
+        return f"kept{skipped}"
+    return f"{late.name} late {number(100 * late.late_share, 1)} %, to {number(1e3 * late.latest_s, 0, 'ms')}{skipped}"
+
+
+def computer_text(vitals: Vitals | None) -> str:
+    if vitals is None:
+        return NO_VALUE
+    fan = {FanState.UNKNOWN: "", FanState.OFF: ", fan off", FanState.ON: ", fan on"}[vitals.fan]
+    held = f", {' and '.join(vitals.throttling)}" if vitals.throttling else ""
+    return f"{number(vitals.cores, 2)} cores, {number(vitals.memory_mb, 0, 'MB')}{fan}{held}"
+
+
+def losses_text(vitals: Vitals | None) -> str:
+    """What the devices lost since the robot's start."""
+    if vitals is None:
+        return NO_VALUE
+    return ", ".join(f"{count} {name}" for name, count in vitals.counters if count) or "nothing lost"
 
 
 def link_sentence(view: OperatorView) -> str:

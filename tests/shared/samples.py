@@ -12,6 +12,7 @@ from shared.messages import (
     Ack,
     Drive,
     EmergencyStop,
+    FanState,
     GoTo,
     Heartbeat,
     Hello,
@@ -30,7 +31,9 @@ from shared.messages import (
     Start,
     Stop,
     StopReason,
+    TaskVitals,
     Telemetry,
+    Vitals,
 )
 
 GEOMETRY = ScanGeometry(-2.08, 3 * math.tau / 1024, 3 * 0.04 / 1024, 0.06, 4.0, Pose2(0.25, 0.0, 0.0))
@@ -72,6 +75,19 @@ def pulse(**changes: object) -> Pulse:
     return Pulse(**{name: getattr(t, name) for name in names})
 
 
+def vitals(**changes: object) -> Vitals:
+    values: dict[str, object] = {
+        "stamp_s": 3.25,
+        "cores": 0.31,
+        "memory_mb": 221.5,
+        "fan": FanState.ON,
+        "throttling": ("under-voltage",),
+        "tasks": (TaskVitals("odometry", 100.0, 0.0021, 0.0, 0.0132, 0.0004),),
+        "counters": (("lost edges", 2),),
+    }
+    return Vitals(**(values | changes))  # type: ignore[arg-type]
+
+
 def every_message(rng: np.random.Generator) -> list[Message]:
     path = rng.uniform(-40, 40, (30, 3)).astype(np.float32)
     commands = (
@@ -95,5 +111,6 @@ def every_message(rng: np.random.Generator) -> list[Message]:
         Refusal("another station is connected"),
         pulse(battery_v=6.6, cpu_temperature_c=51.0),
         KeyframeWanted(),
+        vitals(),
     ]
     return reports + [NumberedCommand(4_000_000_000 + i, c) for i, c in enumerate(commands)]

@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from shared.messages import MissionState, StopReason
+from shared.messages import FanState, MissionState, StopReason, TaskVitals, Vitals
 from station_gui.model.goal_figures import GoalFigures, GoalState
 from station_gui.model.view import LinkState
 from station_gui.views import words
@@ -25,6 +25,36 @@ from station_gui.views import words
 )
 def test_a_number_has_its_unit_or_is_a_dash(value, decimals, unit, text):
     assert words.number(value, decimals, unit) == text
+
+
+def vitals(late_share: float = 0.0, **changes: object) -> Vitals:
+    tasks = (
+        TaskVitals("odometry", 100.0, late_share, 0.0, 0.0132, 0.0004),
+        TaskVitals("depth", 10.0, 0.0, 0.0, 0.0, 0.0),
+    )
+    whole = Vitals(3.0, 0.312, 221.4, FanState.ON, ("under-voltage",), tasks, (("lost edges", 2), ("damaged scans", 0)))
+    return dataclasses.replace(whole, **changes)
+
+
+def test_how_the_schedule_is_kept_is_told_by_the_task_that_is_late_most_often(scenes):
+    telemetry = scenes.telemetry(MissionState.OBSERVE, late_ticks=0)
+    assert words.schedule_text(telemetry, None) == "kept"
+    assert words.schedule_text(telemetry, vitals()) == "kept"
+    assert words.schedule_text(telemetry, vitals(late_share=0.021)) == "odometry late 2.1 %, to 13 ms"
+    skipped = dataclasses.replace(telemetry, late_ticks=7)
+    assert words.schedule_text(skipped, vitals()) == "kept, 7 ticks skipped"
+
+
+def test_the_computer_tells_what_holds_it_back():
+    assert words.computer_text(None) == "–"
+    assert words.computer_text(vitals()) == "0.31 cores, 221 MB, fan on, under-voltage"
+    calm = vitals(fan=FanState.UNKNOWN, throttling=())
+    assert words.computer_text(calm) == "0.31 cores, 221 MB"
+
+
+def test_what_the_devices_lost_is_counted():
+    assert words.losses_text(vitals()) == "2 lost edges"
+    assert words.losses_text(vitals(counters=())) == "nothing lost"
 
 
 def test_bits_per_second_take_the_prefix_that_fits():
