@@ -67,6 +67,23 @@ class MatchConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class NewGroundConfig:
+    """When points that do not fit are taken for what the map does not know yet."""
+
+    least_share: float = 0.3  # of the points have to fit all the same,
+    min_points: float = 30.0  # and so many,
+    max_sigmas: float = 5.0  # no farther than this from the prediction
+    enough_share: float = 0.95  # with so many there is nothing to ask
+    sure_share: float = 0.9  # of what the map knows has to fit
+    views: int = 8  # newest scans that are asked, each so many keyframes after the other
+    every: int = 3
+    view_m: float = 3.0  # no farther than this
+    view_points: int = 90  # of a scan
+    margin_m: float = 0.15
+    margin_ratio: float = 0.02  # of the range
+
+
+@dataclass(frozen=True, slots=True)
 class MotionConfig:
     """What is made of odometry."""
 
@@ -123,7 +140,8 @@ class LoopConfig:
     max_branches: int = 20_000
     cached_places: int = 8
     max_place_surfels: int = 20_000
-    units_per_step: int = 5_000  # a unit is about 15 ns
+    units_per_step: int = 5_000  # a unit is about 15 ns,
+    hurry_nodes: int = 50  # and as many again for each so many nodes that wait to be looked from
     weak_share: float = 0.05  # a direction that so few of the points hold is hardly known
     closure_length_m: float = 0.5  # the way that the drift over a closure is worth
     agreement_m: float = 0.3  # of two far closures that confirm each other
@@ -178,6 +196,7 @@ class GraphSlamConfig:
     normals: NormalConfig = field(default_factory=NormalConfig)
     local_map: LocalMapConfig = field(default_factory=LocalMapConfig)
     match: MatchConfig = field(default_factory=MatchConfig)
+    new_ground: NewGroundConfig = field(default_factory=NewGroundConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
     keyframes: KeyframeConfig = field(default_factory=KeyframeConfig)
     loops: LoopConfig = field(default_factory=LoopConfig)

@@ -21,6 +21,8 @@ from station_gui.mapping.slam2d.belief import surprise
 from station_gui.mapping.slam2d.config import GraphSlamConfig
 from station_gui.mapping.slam2d.graph.loop_closure import LoopCloser, edge_information
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
+from station_gui.mapping.slam2d.graph.sight.new_ground import NewGround, view_of
+from station_gui.mapping.slam2d.graph.sight.sight import View
 from station_gui.mapping.slam2d.graph.stored import fill, to_saved
 from station_gui.mapping.slam2d.graph.upkeep import GraphUpkeep
 from station_gui.mapping.slam2d.grid.following_grid import FollowingGrid
@@ -60,6 +62,7 @@ class GraphSlam:
         self._pose = np.zeros(3)  # of the robot in the local map's frame
         self._odometry = Pose2()
         self._motion = MotionModel(config.motion, config.match)
+        self._new_ground = NewGround(config.new_ground)
         self._since_rebuild_m = 0.0
         self._node_way_m = 0.0
         self._node_turn_rad = 0.0
@@ -67,6 +70,7 @@ class GraphSlam:
         self._node_scans = 0
         self._lost_scans = 0
         self._fit = 1.0
+        self._fair_fit = 1.0  # of the newest match, believed or not
         self._surprise = 0.0
         self._admits: Admits = admit_all
         self._held = HeldScans(config.keyframes)
@@ -246,7 +250,7 @@ class GraphSlam:
         """Predict by odometry, correct on the local map, extend the map and the graph."""
         odometry = (self._odometry.inverse() @ scan.odom_from_robot).as_array()
         before = self._pose
-        match = self._match(lines, self._motion.predict(odometry))
+        match = self._match(scan, lines, self._motion.predict(odometry))
         if match.share == 0.0:
             self._motion.miss()
         self._pose = match.pose
@@ -254,7 +258,7 @@ class GraphSlam:
         self._node_misfit += 1.0 - match.share
         self._node_scans += 1
         if len(lines.points_m) >= self._config.match.min_points:
-            self._fit = match.share
+            self._fit = 0.0 if match.share == 0.0 else self._fair_fit
         if match.share > 0.0:
             self._lost_scans = 0
             self._motion.learn(odometry, before, match)
@@ -278,7 +282,7 @@ class GraphSlam:
             if self._admits(held.fit, 0.0) and self._is_keyframe(len(held.lines.points_m), held.in_node):
                 self._add_keyframe(held.scan, held.lines, held.in_node)
 
-    def _match(self, lines: LineScan, prediction: Prediction) -> Match:
+    def _match(self, scan: PointScan, lines: LineScan, prediction: Prediction) -> Match:
         """Where the match does not deserve belief the prediction stands, with the odometry's own information."""
         config = self._config.match
         predicted = compose(self._pose, prediction.motion)
@@ -286,9 +290,20 @@ class GraphSlam:
         if len(lines.points_m) >= config.min_points:
             match = self._matcher.match(lines, self._local.current, predicted, weight)
             self._surprise = surprise(predicted, match.pose, prediction.sigma)
-            if self._matcher.believes(match, self._surprise, self._lost_scans):
+            self._fair_fit = self._without_new_ground(scan, lines, match)
+            if self._matcher.believes(self._fair_fit, self._surprise, self._lost_scans):
                 return match
         return Match(predicted, np.diag(weight), 0.0, 0.0)
+
+    def _without_new_ground(self, scan: PointScan, lines: LineScan, match: Match) -> float:
+        """Share of points that fit, of those that the map knows something of."""
+        if not self._new_ground.may_be(match.share, self._surprise, len(lines.points_m)):
+            return match.share
+        node, poses = self._graph.poses[self._node], self._graph.poses
+        asked = [self._keyframes[k] for k in self._new_ground.picked(len(self._keyframes))]
+        views = [View(compose(between(node, poses[keyframe.node]), keyframe.in_node), keyframe) for keyframe in asked]
+        here = view_of(lines, scan.origin_m, between(self._local_from_node, match.pose))
+        return self._new_ground.fair_share(match.share, here, views)
 
     def _count_way(self, before: NDArray[np.float64]) -> None:
         step = between(before, self._pose)

@@ -39,9 +39,9 @@ class Jury:
         return [*agreeing, closure]
 
     def _agree(self, a: Closure, b: Closure, poses: FloatArray) -> bool:
-        """Both closures move the new place in the same way."""
+        """Both closures move the new place in the same way, and none of the scans that say so is in both."""
         config = self._config
-        if a.new == b.new or abs(a.new - b.new) > config.agreement_nodes:
+        if not 2 * config.query_neighbours < abs(a.new - b.new) <= config.agreement_nodes:
             return False
         by_a = compose(compose(poses[a.old], a.measured), between(poses[a.new], poses[b.new]))
         difference = between(compose(poses[b.old], b.measured), by_a)

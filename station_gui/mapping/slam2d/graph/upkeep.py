@@ -75,7 +75,7 @@ class GraphUpkeep:
 
     def _search(self) -> None:
         share = self._closer.share
-        share.begin(self._loops.units_per_step)
+        share.begin(self._loops.units_per_step * (1 + len(self._waiting) // self._loops.hurry_nodes))
         while share.left > 0 and (self._looking is not None or self._waiting):
             if self._looking is None:
                 self._looking = self._closer.look(self._graph, self._by_node, self._waiting.popleft())

@@ -95,7 +95,7 @@ class MapTracker:
         match = self._matcher.match(lines, self._window.current, predicted, 1.0 / np.square(sigma))
         self._fit = 0.0
         self._surprise = surprise(predicted, match.pose, sigma)
-        if not self._matcher.believes(match, self._surprise, self._lost_scans):
+        if not self._matcher.believes(match.share, self._surprise, self._lost_scans):
             return False
         self._pose = match.pose
         self._fit = match.share

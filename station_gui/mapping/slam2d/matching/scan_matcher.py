@@ -100,11 +100,11 @@ class ScanMatcher:
         other = self.refine(scan, local_map, start, predicted, prior_weight)
         return other if other.share > found.share + self._config.better_share else found
 
-    def believes(self, match: Match, surprise: float, lost_scans: int) -> bool:
+    def believes(self, share: float, surprise: float, lost_scans: int) -> bool:
         """Whether a match that is so far from the prediction, in standard deviations, deserves it."""
         config = self._config
         far = surprise / (config.far_sigmas * (1 + lost_scans))  # the prediction is the older the longer it is lost
-        return math.isfinite(far) and match.share >= needed_share(config.lost_share, config.far_share, far)
+        return math.isfinite(far) and share >= needed_share(config.lost_share, config.far_share, far)
 
     def refine(
         self,

@@ -7,7 +7,7 @@ import pytest
 
 from station_gui.mapping.slam2d.belief import needed_share, odometry_sigma, surprise
 from station_gui.mapping.slam2d.config import MatchConfig
-from station_gui.mapping.slam2d.matching.scan_matcher import Match, ScanMatcher
+from station_gui.mapping.slam2d.matching.scan_matcher import ScanMatcher
 
 
 def test_odometry_is_worth_less_the_farther_it_leads() -> None:
@@ -31,7 +31,6 @@ def test_a_match_far_off_has_to_fit_better() -> None:
 
 def test_a_robot_that_was_lost_for_longer_may_be_farther_off() -> None:
     matcher = ScanMatcher(MatchConfig(), 8, 0.05)
-    match = Match(np.zeros(3), np.eye(3), 0.8, 0.01)
-    assert not matcher.believes(match, 5.0, 0)
-    assert matcher.believes(match, 5.0, 3)
-    assert not matcher.believes(match, math.nan, 3)
+    assert not matcher.believes(0.8, 5.0, 0)
+    assert matcher.believes(0.8, 5.0, 3)
+    assert not matcher.believes(0.8, math.nan, 3)

@@ -88,10 +88,18 @@ def test_the_search_wants_less_of_a_place_that_may_be_seen_from_another_side() -
 
 def test_a_partial_closure_needs_a_second_one_even_where_the_estimate_agrees() -> None:
     poses = np.column_stack((np.arange(60.0), np.zeros(60), np.zeros(60)))
-    first, second = (Closure(0, new, poses[new], np.eye(3), searched=True, partial=True) for new in (50, 52))
+    first, second = (Closure(0, new, poses[new], np.eye(3), searched=True, partial=True) for new in (50, 53))
     jury = Jury(LoopConfig())
     assert jury.judge(first, poses) == []
     assert jury.judge(second, poses) == [first, second]
+
+
+def test_a_closure_that_rests_on_scans_of_another_one_does_not_confirm_it() -> None:
+    poses = np.column_stack((np.arange(60.0), np.zeros(60), np.zeros(60)))
+    jury = Jury(LoopConfig(query_neighbours=1))
+    for new in (50, 51, 52):
+        closure = Closure(0, new, poses[new], np.eye(3), searched=True, partial=True)
+        assert jury.judge(closure, poses) == []
 
 
 @pytest.mark.parametrize("most", [0, 1, 2])
