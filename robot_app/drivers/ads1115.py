@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 
 from robot_app.drivers.base import DeviceError, PowerSample
@@ -18,6 +19,7 @@ _NO_COMPARATOR = 0b11
 _CONVERSION_S = 1.1 / 860  # its clock is right to 10 %
 _POLL_S = 0.0003
 _GIVE_UP_S = 0.02
+_FEWEST_LOOKS = 3  # a thread that was held up has not looked often
 _FULL_SCALE_DIGITS = 32_768
 
 
@@ -59,7 +61,7 @@ class Ads1115:
         self._device.write(_CONFIG, *setting.to_bytes(2, "big"))
         due_s = self._clock.now_s() + _GIVE_UP_S
         self._pause(_CONVERSION_S)
-        while True:
+        for looks in itertools.count(1):
             asked_s = self._clock.now_s()  # before the answer: a thread held up after it would give up too early
             setting_read = int.from_bytes(self._device.read((_CONFIG, 2))[0], "big")
             if (setting_read ^ setting) & ~_START:
@@ -68,7 +70,7 @@ class Ads1115:
                 )
             if setting_read & _START:
                 break
-            if asked_s > due_s:
+            if asked_s > due_s and looks > _FEWEST_LOOKS:
                 raise DeviceError(f"{self._device.name}: a conversion does not end")
             self._pause(_POLL_S)
         (data,) = self._device.read((_CONVERSION, 2))

@@ -93,6 +93,48 @@ def test_the_file_that_comes_along_is_never_written(
     assert "name your robot.toml with --config" in capsys.readouterr().out
 
 
+class WheelsInTheAir:
+    """Turns the encoders as the bridge's wires say, backwards where its motor is connected the other way round."""
+
+    def __init__(self, robot: EmulatedRobot, way: int) -> None:
+        self._robot, self._way = robot, way
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="wheels", daemon=True)
+
+    def __enter__(self) -> WheelsInTheAir:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._thread.join(5.0)
+
+    def _run(self) -> None:
+        robot, lines = self._robot, self._robot.gpio.levels
+        while not self._stop.wait(0.01):
+            duty = robot.pwm.value(1, "duty_cycle") / max(1, robot.pwm.value(1, "period"))
+            edges = self._way * (lines.get(23, 0) - lines.get(24, 0)) * round(60 * duty)
+            robot.gpio.turn(5, 6, edges)
+            robot.gpio.turn(16, 26, -edges)
+
+
+def test_a_motor_is_turned_and_judged_through_its_wires(
+    robot: EmulatedRobot,
+    toml: Path,
+    keyboard: Keyboard,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    text = toml.read_text("utf-8").replace("[devices.drive] ", f'[devices.drive]\npwm_chip = "{robot.pwm.path}" ')
+    toml.write_text(text, "utf-8")
+    keyboard.type("yes\nyes\n")
+    with WheelsInTheAir(robot, way=-1):
+        assert call(monkeypatch, "--config", toml, "calibrate", "motor") == 0
+    assert load_config(toml).devices.drive.motor_reversed
+    assert "THE REAR WHEELS WILL TURN" in capsys.readouterr().out
+    assert robot.is_released
+
+
 def test_a_device_that_is_missing_is_one_line(
     robot: EmulatedRobot,
     toml: Path,
@@ -138,7 +180,7 @@ def test_nobody_answering_ends_it(keyboard: Keyboard) -> None:
     clock = ManualClock()
     terminal = Terminal(clock)
     with pytest.raises(CalibrationError, match="nobody answered"):
-        terminal.until_enter("Push", lambda: clock.advance(1.0))
+        terminal.until_enter("Push", lambda: clock.advance(30.0))
 
 
 def test_a_closed_terminal_ends_it(keyboard: Keyboard) -> None:
