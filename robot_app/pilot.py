@@ -146,6 +146,8 @@ class Pilot:
     def _drive(self, now_s: float, behaviour: Behaviour, state: OdometryState) -> Motion:
         pose = state.odom_from_robot
         self._points_m = self._memory.points_m(now_s, pose)
+        if behaviour in _TASKS:
+            self._points_m = np.vstack((self._points_m, self._explorer.things_m))
         wish = self._limited(self._wish(now_s, behaviour, state))
         unseen_m = self._ground.unseen_m(pose)
         self._avoided = self._avoidance.step(

@@ -43,6 +43,7 @@ class ExplorerConfig:
     least_nodes: int = 60  # fewer poses are no way on
     attempts: int = 6  # without getting anywhere
     progress_m: float = 0.6  # getting somewhere
+    things_m: float = 1.0  # what stands so near is told to the avoidance, which forgets after half a minute
 
     def __post_init__(self) -> None:
         if not 0.0 < self.least_view_m2 <= 1.0 or not 0.03 <= self.margin_m <= 0.2:
@@ -57,7 +58,7 @@ class Task(Enum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leg:
-    """`path`: (N, 3) as of `PathFollower`."""
+    """`path`: (N, 3) as of `PathFollower`, odom frame."""
 
     number: int
     path: NDArray[np.float64]
@@ -82,6 +83,7 @@ class Explorer:
         self._number = 0
         self._task = Task.NONE
         self.home = Pose2()
+        self.things_m: NDArray[np.float64] = np.zeros((0, 2))  # odom frame, what stands near the robot
         self.forget()
 
     def forget(self) -> None:
@@ -114,11 +116,16 @@ class Explorer:
         self._ended = ended
 
     def look(
-        self, ranges_m: NDArray[np.floating], geometry: ScanGeometry, odom_from_robot: Pose2, way_m: float
+        self,
+        ranges_m: NDArray[np.floating],
+        geometry: ScanGeometry,
+        odom_from_robot: Pose2,
+        way_m: float,
     ) -> None:
         """Take a scan made at this pose, after `way_m` driven."""
-        self._floor.add_scan(ranges_m, geometry, odom_from_robot)
         self._geometry, self._beams = geometry, len(ranges_m)
+        self._floor.add_scan(ranges_m, geometry, odom_from_robot)
+        self.things_m = self._floor.things_m(odom_from_robot, self._config.things_m)
         last = self._trail[-1][0] if self._trail else None
         if last is None or last.distance_m(odom_from_robot) >= self._config.trail_step_m:
             self._trail.append((odom_from_robot, way_m))
@@ -160,15 +167,15 @@ class Explorer:
         """Free as far as it is left, and worth it."""
         if self._is_retreat:
             return True
-        gaps = np.hypot(leg.path[:, 0] - pose.x_m, leg.path[:, 1] - pose.y_m)
-        rest = leg.path[int(np.argmin(gaps)) :]
+        path = leg.path
+        rest = path[int(np.argmin(np.hypot(path[:, 0] - pose.x_m, path[:, 1] - pose.y_m))) :]
         room = self._floor.room_for_body(pose, self._config.margin_m - 0.015)
         start_room_m = path_room_m(self._car, room, pose.as_array()[None])
         if path_room_m(self._car, room, rest) < min(0.0, start_room_m):
             return False
         if self._task is Task.HOME or self._is_home_leg:
             return True
-        return self._view_m2(leg.path[-1]) >= 0.6 * self._config.least_view_m2
+        return self._view_m2(path[-1]) >= 0.6 * self._config.least_view_m2
 
     def _view_m2(self, pose: NDArray[np.float64]) -> float:
         return self._floor.unseen_m2(Pose2.from_array(pose), self._geometry, self._beams)

@@ -7,15 +7,16 @@ fuzzy in the correction and in the way that is left.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_app.control.fuzzy import RuleTable, Variable
+from robot_app.control.fuzzy import paper_speeds
 from robot_app.control.motion import Motion
+from robot_app.control.path_rules import PathRulesConfig
 from shared.geometry.ackermann import CarGeometry
 from shared.geometry.se2 import Pose2, wrap_angle
 
@@ -29,9 +30,10 @@ class PathState(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class PathFollowerConfig:
-    slow_mps: float = 0.07
+    rules: PathRulesConfig = field(default_factory=PathRulesConfig)
+    slow_mps: float = 0.07  # paper 1, section 4: slow is below 0.1, medium 0.2, fast above 0.4
     medium_mps: float = 0.20
-    fast_mps: float = 0.30
+    fast_mps: float = 0.42
     reverse_mps: float = 0.18  # nothing is seen behind the car
     preview_s: float = 0.16  # the servo's and the loop's delay, at the present speed
     lost_m: float = 0.40
@@ -41,6 +43,9 @@ class PathFollowerConfig:
     standing_mps: float = 0.015
     window_m: float = 0.40  # how far along the path the car may be from where it was a step ago
     settle_timeout_s: float = 1.0  # after this the car counts as standing
+
+    def __post_init__(self) -> None:
+        paper_speeds(self.slow_mps, self.medium_mps, self.fast_mps)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,38 +57,6 @@ class PathStep:
     cross_track_m: float
     heading_error_rad: float
     left_m: float
-
-
-OFFSET = Variable.partition("offset from the path", right=-0.12, bit_right=-0.03, on_it=0.0, bit_left=0.03, left=0.12)
-HEADING = Variable.partition("heading off the path", right=-0.6, bit_right=-0.15, along=0.0, bit_left=0.15, left=0.6)
-CORRECTION = Variable.partition("correction, of full steering", RR=-1.0, R=-0.5, r=-0.22, o=0.0, l=0.22, L=0.5, LL=1.0)
-CORRECTION_RULES = RuleTable(
-    HEADING,
-    OFFSET,
-    CORRECTION,
-    # offset:   right bit_right on_it bit_left left
-    """
-    right       LL    LL        LL    L        o
-    bit_right   LL    L         l     o        R
-    along       L     l         o     r        R
-    bit_left    L     o         r     R        RR
-    left        o     R         RR    RR       RR
-    """,
-)
-WORRY = Variable.partition("correction in use", none=0.05, some=0.3, much=0.7)
-BEND = Variable.partition("bend of the path, of the sharpest", straight=0.2, bend=0.6, sharp=0.95)
-SPEED = Variable.partition("speed", slow=1.0, medium=2.0, fast=3.0)
-SPEED_RULES = RuleTable(
-    WORRY,
-    BEND,
-    SPEED,
-    # bend:  straight bend   sharp
-    """
-    none     fast     medium medium
-    some     medium   medium slow
-    much     slow     slow   slow
-    """,
-)
 
 
 class _Stretch:
@@ -153,6 +126,7 @@ class PathFollower:
         """`path`: (N, 3) as in `GoTo`, odom frame. A path of less than two points is done at once."""
         self._car = car
         self._config = config
+        self._steering, self._speed = config.rules.steering, config.rules.speed
         self._stretches = split_stretches(path)
         self._index = 0
         self._along_m = 0.0
@@ -189,7 +163,7 @@ class PathFollower:
         preview_m = self._along_m + abs(speed_mps) * config.preview_s
         bend = self._car.steering_rad(stretch.curvature_per_m(min(preview_m, stretch.length_m)))
         heading = off.theta_rad if stretch.forward else -off.theta_rad  # in reverse it leads to the other side
-        correction = CORRECTION_RULES(heading, off.y_m)
+        correction = self._steering(heading, off.y_m)
         limit = self._car.max_steering_rad
         steering = max(-limit, min(limit, bend + correction * limit))
         speed = self._speed_mps(stretch, abs(correction), abs(bend) / limit)
@@ -198,7 +172,7 @@ class PathFollower:
 
     def _speed_mps(self, stretch: _Stretch, correction: float, bend: float) -> float:
         config = self._config
-        level = SPEED_RULES(correction, bend)
+        level = self._speed(correction, bend)
         speed = float(np.interp(level, (1, 2, 3), (config.slow_mps, config.medium_mps, config.fast_mps)))
         if not stretch.forward:
             speed = min(speed, config.reverse_mps)

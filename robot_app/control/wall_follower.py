@@ -10,8 +10,9 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_app.control.fuzzy import RuleTable, Variable
+from robot_app.control.fuzzy import paper_speeds
 from robot_app.control.motion import Motion
+from robot_app.control.wall_rules import WallRulesConfig
 from robot_app.control.wall_trace import WallTraceConfig, WallTracer
 from shared.geometry.ackermann import CarGeometry
 from shared.geometry.se2 import Pose2, wrap_angle
@@ -28,11 +29,12 @@ class WallState(IntEnum):
 class WallFollowerConfig:
     side: int = -1  # where the wall is kept: -1 right, +1 left
     trace: WallTraceConfig = field(default_factory=WallTraceConfig)
+    rules: WallRulesConfig = field(default_factory=WallRulesConfig)
     middle_m: float = 0.13  # the point of the car that is to be on the way, ahead of its origin
     look_ahead_m: float = 0.40  # from there to the point of the way it heads for
     slow_mps: float = 0.08  # paper 1, section 4: slow is below 0.1, medium 0.2, fast above 0.4
     medium_mps: float = 0.20
-    fast_mps: float = 0.32  # below the paper's "fast": the room is small
+    fast_mps: float = 0.42
     corner_m: float = 1.6  # how far along the way inner corners are looked for
     corner_aside_m: float = 0.8  # beyond this to the side there is room to turn later
     lap_distance_m: float = 4.0  # no lap is shorter
@@ -41,6 +43,11 @@ class WallFollowerConfig:
     leave_limit_m: float = 4.0
     track_step_m: float = 0.1  # such places are remembered this often
     track_length: int = 800  # as far as an observation may go
+
+    def __post_init__(self) -> None:
+        if self.side not in {-1, 1}:
+            raise ValueError(f"side must be -1 (right) or 1 (left), not {self.side}")
+        paper_speeds(self.slow_mps, self.medium_mps, self.fast_mps)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,58 +70,13 @@ class _Mark:
     turned_rad: float
 
 
-ANGLE = Variable.partition("angle of the way ahead", right=-0.8, bit_right=-0.32, ahead=0.0, bit_left=0.32, left=0.8)
-ERROR = Variable.partition("offset from the way", right=-0.25, bit_right=-0.08, on_it=0.0, bit_left=0.08, left=0.25)
-STEER = Variable.partition("steering", RR=-1.0, R=-0.55, r=-0.25, o=0.0, l=0.25, L=0.55, LL=1.0)
-STEERING_RULES = RuleTable(
-    ANGLE,
-    ERROR,
-    STEER,
-    # offset:   right  bit_right on_it bit_left left
-    """
-    right       R      RR        RR    RR       RR
-    bit_right   o      r         R     R        RR
-    ahead       L      l         o     r        R
-    bit_left    LL     L         L     l        o
-    left        LL     LL        LL    LL       L
-    """,
-)
-CLEARANCE = Variable.partition("clearance ahead", none=0.08, little=0.25, some=0.55, much=0.9)
-TURN = Variable.partition("turn", straight=0.1, bend=0.5, sharp=1.0)
-NEED = Variable.partition("curvature to turn away, of the sharpest possible", none=0.7, soon=0.9, now=1.1)
-AWAY = Variable.partition("turn away", none=0.0, half=0.5, full=1.0)
-AWAY_RULES = RuleTable(
-    NEED,
-    ERROR,
-    AWAY,
-    # offset: nearer to the wall ... farther off
-    """
-    none     none none none none none
-    soon     full full half none none
-    now      full full full half none
-    """,
-)
-SPEED = Variable.partition("speed", stop=0.0, slow=1.0, medium=2.0, fast=3.0)
-SPEED_RULES = RuleTable(
-    CLEARANCE,
-    TURN,
-    SPEED,
-    # turn:  straight bend   sharp
-    """
-    none     slow     slow   slow
-    little   slow     slow   slow
-    some     medium   medium medium
-    much     fast     medium medium
-    """,
-)
-
-
 class WallFollower:
     """Turns the obstacles near the robot into a wish: steering and speed along the wall."""
 
     def __init__(self, car: CarGeometry, config: WallFollowerConfig) -> None:
         self._car = car
         self._config = config
+        self._steering, self._away, self._speed = config.rules.steering, config.rules.turn_away, config.rules.speed
         self._tracer = WallTracer(config.trace, config.side)
         self.reset()
 
@@ -162,7 +124,7 @@ class WallFollower:
             self._state = WallState.FOLLOW
         ahead, error = self._carrot(way_m)
         angle = math.atan2(ahead[1], ahead[0] - self._config.middle_m)
-        share = self._turn_away(way_m, error, STEERING_RULES(angle, error))
+        share = self._turn_away(way_m, error, self._steering(angle, error))
         speed = self._speed_mps(clearance_ahead_m, abs(share))
         motion = Motion(speed, share * self._car.max_steering_rad)
         return WallStep(motion, self._state, (float(ahead[0]), float(ahead[1])), error, angle)
@@ -179,7 +141,7 @@ class WallFollower:
         if len(reach) == 0:
             return share
         curvature = float(np.max(2 * away * reach[:, 1] / np.maximum((reach**2).sum(axis=1), 0.04)))
-        turn = AWAY_RULES(curvature * self._car.min_turning_radius_m, away * error_m)
+        turn = self._away(curvature * self._car.min_turning_radius_m, away * error_m)
         return float(away * (away * share + turn * (1.0 - away * share)))
 
     def _carrot(self, way_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
@@ -196,7 +158,7 @@ class WallFollower:
 
     def _speed_mps(self, clearance_ahead_m: float, turn: float) -> float:
         config = self._config
-        level = SPEED_RULES(clearance_ahead_m, turn)
+        level = self._speed(clearance_ahead_m, turn)
         return float(np.interp(level, (0, 1, 2, 3), (0.0, config.slow_mps, config.medium_mps, config.fast_mps)))
 
     def _judge_lap(self, pose: Pose2) -> None:

@@ -88,6 +88,16 @@ class FloorMap:
         _kernels.stand_on(self._evidence, self._low_m, config.cell_m, odom_from_robot.apply(self._body))
         _kernels.count_tries(self._evidence, self._tries, self._marks, mark, self._box)
 
+    def things_m(self, odom_from_robot: Pose2, reach_m: float) -> NDArray[np.float64]:
+        """(N, 2): the middles of the cells in which something stands, near the robot."""
+        cells, reach = self._config.cell_m, reach_m / self._config.cell_m
+        column, row = (odom_from_robot.as_array()[:2] - self._low_m) / cells
+        first_row, first_column = max(int(row - reach), 0), max(int(column - reach), 0)
+        near = self._evidence[first_row : int(row + reach) + 1, first_column : int(column + reach) + 1]
+        rows, columns = np.nonzero(near > 0)
+        middles = np.column_stack((columns + first_column, rows + first_row)) + 0.5
+        return np.asarray(middles * cells + self._low_m, np.float64)
+
     def unseen_m2(self, odom_from_robot: Pose2, geometry: ScanGeometry, beams: int) -> float:
         """How much floor that was never seen a scan from this pose would show."""
         self._new_mark()
@@ -100,9 +110,11 @@ class FloorMap:
         shape = (int(box[1] - box[0]), int(box[3] - box[2]))
         room_m = np.empty(shape)
         _kernels.room_for_body(self._evidence, box, self._config.cell_m, margin_m, room_m, np.empty(shape))
+        return BodyRoom(room_m, self._frame(box))
+
+    def _frame(self, box: NDArray[np.int64]) -> NDArray[np.float64]:
         cell = self._config.cell_m
-        frame = np.array([self._low_m + box[2] * cell, self._low_m + box[0] * cell, cell])
-        return BodyRoom(room_m, frame)
+        return np.array([self._low_m + box[2] * cell, self._low_m + box[0] * cell, cell])
 
     @property
     def _rows(self) -> slice:
