@@ -96,8 +96,8 @@ def computer_text(vitals: Vitals | None) -> str:
     if vitals is None:
         return NO_VALUE
     fan = {FanState.UNKNOWN: "", FanState.OFF: ", fan off", FanState.ON: ", fan on"}[vitals.fan]
-    held = f", {' and '.join(vitals.throttling)}" if vitals.throttling else ""
-    return f"{number(vitals.cores, 2)} cores, {number(vitals.memory_mb, 0, 'MB')}{fan}{held}"
+    held = f"{' and '.join(vitals.throttling)}, " if vitals.throttling else ""
+    return f"{held}{number(vitals.cores, 2)} cores, {number(vitals.memory_mb, 0, 'MB')}{fan}"
 
 
 def losses_text(vitals: Vitals | None) -> str:

@@ -47,7 +47,7 @@ def test_how_the_schedule_is_kept_is_told_by_the_task_that_is_late_most_often(sc
 
 def test_the_computer_tells_what_holds_it_back():
     assert words.computer_text(None) == "–"
-    assert words.computer_text(vitals()) == "0.31 cores, 221 MB, fan on, under-voltage"
+    assert words.computer_text(vitals()) == "under-voltage, 0.31 cores, 221 MB, fan on"
     calm = vitals(fan=FanState.UNKNOWN, throttling=())
     assert words.computer_text(calm) == "0.31 cores, 221 MB"
 

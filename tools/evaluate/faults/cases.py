@@ -73,7 +73,8 @@ def _unplugged() -> list[Case]:
             begin = _of_kind(device, FaultKind.UNPLUGGED)
             name = f"{device}-unplugged" + ("-3s" if seconds == _A_WHILE_S else "")
             text = f"{device} unplugged {how}"
-            found.append(Case(name, text, begin, _healed(device), device in _NEEDED, seconds))
+            resumes = math.isfinite(seconds)
+            found.append(Case(name, text, begin, _healed(device), device in _NEEDED, seconds, resumes))
     return found
 
 
@@ -162,7 +163,8 @@ def _power_and_heat() -> list[Case]:
         return lambda: change
 
     def battery(name: str, text: str, battery_v: float, stops: bool, lasts_s: float = FOR_EVER) -> Case:
-        return Case(name, text, _changed("power", volts(battery_v)), _healed("power"), stops, lasts_s, watched_s=12.0)
+        begin = _changed("power", volts(battery_v))
+        return Case(name, text, begin, _healed("power"), stops, lasts_s, resumes=not stops, watched_s=12.0)
 
     def heat(name: str, text: str, cpu_c: float, stops: bool) -> Case:
         return Case(name, text, _changed("thermometer", degrees(cpu_c)), _healed("thermometer"), stops, 5.0)

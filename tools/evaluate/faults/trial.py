@@ -152,6 +152,6 @@ def _failure(case: Case, system: Lockstep, motion: _Motion) -> str:
         return "it did not stop"
     if not case.stops and motion.has_stood and not moves:
         return "it stopped"
-    if case.stops and (not math.isfinite(case.lasts_s) or not case.resumes) and moves:
+    if case.stops and not case.resumes and moves:
         return "it set off again"
     return ""
