@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robot_app.drivers.base import DriveSetting, OmniSetting, Setting
+from shared.geometry.omni3 import WHEELS
 from tools.simulator.engine import mujoco
 from tools.simulator.mjcf import STEP_S, TRACTION_NS_PER_M, grip_n
 from tools.simulator.powertrain import SteeringServo
@@ -99,9 +100,9 @@ class OmniMachine:
         self._nominal_v = scenario.battery.nominal_v
         self._grip_n = grip_n(o, scenario.floor_friction)
         self._damping = o.stall_torque_nm / (o.no_load_speed_mps / o.wheel_radius_m)
-        self._duties: NDArray[np.float64] = np.zeros(3)
-        self._speeds_radps: NDArray[np.float64] = np.zeros(3)
-        self._angles_rad: NDArray[np.float64] = np.zeros(3)
+        self._duties = [0.0] * WHEELS
+        self._speeds_radps = [0.0] * WHEELS
+        self._angles_rad = [0.0] * WHEELS
 
     @property
     def steering_rad(self) -> float:
@@ -109,38 +110,36 @@ class OmniMachine:
 
     def set(self, setting: Setting) -> OmniSetting:
         assert isinstance(setting, OmniSetting)
-        self._duties = np.clip(setting.duties, -1.0, 1.0)
-        right, left, back = self._duties.tolist()
+        right, left, back = (max(-1.0, min(1.0, duty)) for duty in setting.duties)
+        self._duties = [right, left, back]
         return OmniSetting((right, left, back))
 
     def cut(self) -> None:
         """Duty 0: the bridges short the motors, which brakes."""
-        self._duties = np.zeros(3)
+        self._duties = [0.0] * WHEELS
 
     def before_step(self, data: Any, voltage_v: float) -> None:
-        r, floor_mps = self._omni.wheel_radius_m, data.actuator_velocity
-        motor_nm = self._omni.stall_torque_nm * voltage_v / self._nominal_v * self._duties
-        rolling = self._turned(motor_nm + r * TRACTION_NS_PER_M * floor_mps, r * r * TRACTION_NS_PER_M)
-        pull_n = TRACTION_NS_PER_M * (rolling * r - floor_mps)
-        held_n = np.clip(pull_n, -self._grip_n, self._grip_n)
-        slipping = self._turned(motor_nm - r * held_n, 0.0)
-        self._speeds_radps = np.where(held_n == pull_n, rolling, slipping)
-        self._angles_rad = self._angles_rad + self._speeds_radps * STEP_S
-        data.ctrl[:] = self._speeds_radps * r
+        r, stall_nm = self._omni.wheel_radius_m, self._omni.stall_torque_nm * voltage_v / self._nominal_v
+        for i, floor_mps in enumerate(data.actuator_velocity.tolist()):
+            motor_nm = stall_nm * self._duties[i]
+            speed = self._turned(i, motor_nm + r * TRACTION_NS_PER_M * floor_mps, r * r * TRACTION_NS_PER_M)
+            pull_n = TRACTION_NS_PER_M * (speed * r - floor_mps)
+            if abs(pull_n) > self._grip_n:
+                speed = self._turned(i, motor_nm - r * math.copysign(self._grip_n, pull_n), 0.0)
+            self._speeds_radps[i] = speed
+            self._angles_rad[i] += speed * STEP_S
+            data.ctrl[i] = speed * r
 
-    def _turned(self, torque_nm: NDArray[np.float64], load: float) -> NDArray[np.float64]:
-        """The speeds after a step with these torques less `load` times the speed, motor and friction included."""
+    def _turned(self, wheel: int, torque_nm: float, load: float) -> float:
+        """Its speed after a step with this torque less `load` times the speed, motor and friction included."""
         inertia = self._omni.wheel_inertia_kgm2 / STEP_S
         whole = inertia + self._damping + load
-        free = (inertia * self._speeds_radps + torque_nm) / whole
-        slowed: NDArray[np.float64] = np.sign(free) * np.maximum(
-            np.abs(free) - self._omni.gear_friction_nm / whole, 0.0
-        )
-        return slowed
+        free = (inertia * self._speeds_radps[wheel] + torque_nm) / whole
+        return math.copysign(max(abs(free) - self._omni.gear_friction_nm / whole, 0.0), free)
 
     def wheel_angles_rad(self, data: Any) -> tuple[float, ...]:
         """In the order of `OmniGeometry`."""
-        return tuple(self._angles_rad.tolist())
+        return tuple(self._angles_rad)
 
     def current_a(self, data: Any) -> tuple[float, float]:
         torques_nm = np.abs(data.actuator_force) * self._omni.wheel_radius_m

@@ -230,9 +230,9 @@ class OmniParameters:
     height_m: float = 0.20
     mass_kg: float = 4.0
     no_load_speed_mps: float = 0.70  # of a wheel, full duty at the battery's nominal voltage
-    stall_torque_nm: float = 0.3  # of each wheel
-    stall_current_a: float = 2.0
-    gear_friction_nm: float = 0.01
+    stall_torque_nm: float = 0.8  # of each wheel
+    stall_current_a: float = 3.0
+    gear_friction_nm: float = 0.02
     wheel_inertia_kgm2: float = 4e-4  # with its motor behind the gear
     ticks_per_turn: int = 320
     wheel_scale_errors: tuple[float, float, float] = (0.003, -0.002, 0.001)  # wheels larger than their drawing

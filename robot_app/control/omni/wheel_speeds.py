@@ -15,7 +15,7 @@ _REMEMBERED = 32
 def _loop_of_wheel() -> SpeedConfig:
     """Its reference is slewed here already, so the loop's own limits lie far beyond that."""
     return SpeedConfig(
-        friction_duty=0.03, proportional_per_mps=1.0, integral_per_m=2.5, acceleration_mps2=4.0, deceleration_mps2=8.0
+        friction_duty=0.025, proportional_per_mps=1.0, integral_per_m=2.5, acceleration_mps2=4.0, deceleration_mps2=8.0
     )
 
 
@@ -25,8 +25,8 @@ class OmniSpeedConfig:
     acceleration_mps2: float = 0.8
     deceleration_mps2: float = 1.2
     turn_radps2: float = 4.0
-    inertia_s: float = 0.25  # the robot follows its motors so late, where nothing pushes it on; mass over their damping
-    turn_inertia_s: float = 0.11
+    inertia_s: float = 0.10  # the robot follows its motors so late, where nothing pushes it on; mass over their damping
+    turn_inertia_s: float = 0.05
     lag_s: float = 0.10  # of the measured speeds: half of the odometry's window, the tick and the motors
     fastest_wheel_mps: float = 0.60  # below what a wheel reaches at full duty; faster motions are scaled as a whole
 
