@@ -1,0 +1,69 @@
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from robot_app.control.omni.lap import Lap, LapConfig
+from shared.geometry.se2 import Pose2
+
+STEP_M = 0.02
+
+
+def corridor(length_m: float, laps: float, drift_rad_per_m: float = 0.0, swerve_rad: float = 0.0) -> Iterable[Pose2]:
+    """Round and round a loop of two straights 1 m apart, as an odometry that turns too far sees it; left-handed.
+
+    `swerve_rad`: how far the heading swings to and fro every 2 m.
+    """
+    x = y = theta = 0.0
+    corners = (length_m, 1.0, length_m, 1.0)
+    for k in range(math.ceil(4 * laps)):
+        for i in range(round(corners[k % 4] / STEP_M)):
+            theta += drift_rad_per_m * STEP_M
+            swing = swerve_rad * math.sin(math.pi * i * STEP_M)
+            x, y = x + STEP_M * math.cos(theta + swing), y + STEP_M * math.sin(theta + swing)
+            yield Pose2(x, y, theta + swing)
+        for _ in range(10):
+            theta += math.pi / 20
+            yield Pose2(x, y, theta)
+
+
+def closed_after_m(poses: Iterable[Pose2]) -> tuple[float, float]:
+    """The way until the lap is closed, infinite if it is not, and how often it turned."""
+    lap = Lap(LapConfig())
+    for pose in poses:
+        lap.travel(pose)
+        turns = lap.turns_round()
+        if turns:
+            return lap.distance_m, turns
+    return math.inf, 0.0
+
+
+def test_a_lap_of_a_room_ends_where_it_began() -> None:
+    way_m, turns = closed_after_m(corridor(4.0, 1.6))
+    assert 9.0 < way_m < 12.5
+    assert turns > 0.7
+
+
+def test_a_long_corridor_is_closed_though_the_odometry_has_drifted_by_a_metre() -> None:
+    drift = math.radians(3.0) / 60
+    ends = np.array([(p.x_m, p.y_m) for p in corridor(29.0, 1.0, drift)])[-1]
+    assert np.hypot(*ends) > 0.7
+    way_m, turns = closed_after_m(corridor(29.0, 1.4, drift))
+    assert 55.0 < way_m < 64.0
+    assert turns > 0.7
+
+
+def test_bends_round_things_on_the_way_back_do_not_close_it_before() -> None:
+    way_m, _ = closed_after_m(corridor(29.0, 1.4, swerve_rad=1.2))
+    assert way_m > 50.0
+
+
+def test_the_other_way_round_counts_to_the_other_side() -> None:
+    mirrored = (Pose2(p.x_m, -p.y_m, -p.theta_rad) for p in corridor(2.0, 2.0))
+    assert closed_after_m(mirrored)[1] < -0.7
+
+
+def test_standing_and_turning_on_the_spot_closes_nothing() -> None:
+    assert closed_after_m(Pose2(0.0, 0.0, 0.05 * k) for k in range(1000))[0] == math.inf
