@@ -109,9 +109,12 @@ class _Stream:
         if self._is_told:
             self._tellings = max(0, self._tellings - 1)
 
+    def tell(self) -> bytes:
+        self._is_told = True
+        return self.acknowledgement()
+
     def acknowledgement(self) -> bytes:
         base_low, bitmap = self.receiver.acknowledgement()
-        self._is_told = True
         return i.write(i.Acknowledgement(self.lane, base_low, bitmap))
 
 
@@ -208,6 +211,12 @@ class Lanes:
         short = [*self._newest.values(), *(now.datagram for now in self._now.values() if now.sendings_left)]
         return sum(map(len, short)) + sum(s.cutter.waiting_bytes + s.sender.lost_bytes for s in self._streams.values())
 
+    def resends_fit(self, most_bytes: int) -> bool:
+        """Whether what is to be sent again has room beside a report; segments are not cut a second time."""
+        report_bytes = sum(len(s.acknowledgement()) for s in self._streams.values() if s.has_to_tell)
+        lost = [s.sender.lost for s in self._streams.values()]
+        return all(s is None or report_bytes + i.SEGMENT_HEAD_BYTES + len(s.data) <= most_bytes for s in lost)
+
     def fill(self, most_bytes: int, path: int, report: bool) -> Filled | None:
         """The next packet for a path; None when there is nothing to say. `report`: say in items what has come, and
         if it is nothing."""
@@ -229,14 +238,14 @@ class Lanes:
         """What has come since it was told last, where a packet of items goes anyway."""
         for stream in self._streams.values():
             if stream.has_news and len(body) + 2 + MOST_BITMAP_BYTES <= most_bytes:
-                body += stream.acknowledgement()
+                body += stream.tell()
 
     def _urgent(self, most_bytes: int, path: int, report: bool, loads: list[Load]) -> bytearray:
         body = bytearray()
         if report:  # first, because what is left out of it counts as lost
             for stream in self._streams.values():
                 if stream.has_to_tell:
-                    body += stream.acknowledgement()
+                    body += stream.tell()
         if self._says_goodbye:
             body += i.write(i.Goodbye())
             self._says_goodbye = False

@@ -288,7 +288,8 @@ class AnsweringTurns:
             return packet
         lanes = self._conversation.lanes
         state.packets_left -= 1
-        is_last = state.packets_left == 0 or lanes.waiting_bytes <= self._conversation.body_bytes
+        room_bytes = self._conversation.body_bytes
+        is_last = state.packets_left == 0 or (lanes.waiting_bytes <= room_bytes and lanes.resends_fit(room_bytes))
         packet_or_none = self._conversation.next_packet(radio, turn=is_last)
         state.until_s = now_s + self._timing.slot_s + self._timing.answer_timeout_s
         if is_last or packet_or_none is None:
