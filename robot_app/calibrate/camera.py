@@ -26,6 +26,7 @@ _FLOOR_FEWEST = 800
 _FLOOR_LEAST_DEPTH_M, _FLOOR_LEAST_WIDTH_M = 0.4, 0.3  # how far the floor points must reach for its tilt to be known
 _FLAT_SHARE = 0.7  # of what is near the plane at first sight must be on it at last
 _PARTS, _PART_M = 8, 0.05
+_FLOOR_RAD, _FLOOR_M = math.radians(0.1), 0.002  # how level a room's floor is, and how true the camera's distances
 _LEAST_NEAR_M = 0.5  # the L515 sees nothing nearer
 _WALL_BANDS_M = (0.15, 0.06, 0.03)
 _WALL_LEAST_HEIGHT_M, _WALL_LOOKS_RAD = 0.08, math.radians(20)
@@ -102,9 +103,9 @@ def find_floor(frames: list[Vector], mount: CameraMount) -> FloorView:
     sigma = tilts.std(axis=0, ddof=1) / math.sqrt(len(tilts))
     rest = near @ up + height_m
     return FloorView(
-        Estimate(pitch, float(sigma[0])),
-        Estimate(roll, float(sigma[1])),
-        Estimate(height, float(sigma[2])),
+        Estimate(pitch, math.hypot(sigma[0], _FLOOR_RAD)),
+        Estimate(roll, math.hypot(sigma[1], _FLOOR_RAD)),
+        Estimate(height, math.hypot(sigma[2], _FLOOR_M)),
         1.4826 * float(np.median(np.abs(rest))),
     )
 

@@ -18,6 +18,7 @@ _SETTLED = 0.15  # share of a run after which speed and tyres are steady
 _MOST_TRIM_RAD = 0.25
 _LEAST_GAIN, _MOST_GAIN = 0.4, 2.5
 _ROUNDS = 2
+_SCALES = 0.015  # by how much gyro and encoders may be off together: it goes into the gain
 _STRAIGHT_M = 2.0  # over which the drift is told
 
 
@@ -56,7 +57,7 @@ def calibrate_steering(car: DrivenCar, config: RobotConfig, guide: Guide) -> lis
             "devices.drive.servo_us_per_rad",
             d.servo_us_per_rad,
             d.servo_us_per_rad / gain.value,
-            f"± {abs(d.servo_us_per_rad / gain.value) * gain.sigma / abs(gain.value):.0f}",
+            f"± {abs(d.servo_us_per_rad / gain.value) * math.hypot(gain.sigma / gain.value, _SCALES):.0f}",
         ),
     ]
 
