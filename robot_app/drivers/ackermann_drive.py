@@ -33,13 +33,14 @@ class AckermannDrive:
         self._closed = False
         self._is_forward: bool | None = None
         with ExitStack() as opened:
+            # The lines first: whoever has them drives, and a PWM channel can be opened by anybody.
+            lines = (config.forward_line, config.reverse_line)
+            self._direction = GpioOutputs("drive direction", config.gpio_chip, lines)
+            opened.callback(self._direction.close)
             self._motor = SysfsPwm("drive motor", config.pwm_chip, config.motor_channel, self._motor_period_ns, clock)
             opened.callback(self._motor.close)
             self._servo = SysfsPwm("drive servo", config.pwm_chip, config.servo_channel, _SERVO_PERIOD_NS, clock)
             opened.callback(self._servo.close)
-            lines = (config.forward_line, config.reverse_line)
-            self._direction = GpioOutputs("drive direction", config.gpio_chip, lines)
-            opened.callback(self._direction.close)
             self._guardian = Guardian([self._motor.duty_file])
             opened.callback(self._guardian.close)
             self._steer(0.0)

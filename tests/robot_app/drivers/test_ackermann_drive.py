@@ -147,13 +147,14 @@ def test_a_missing_overlay_is_named(car: CarGeometry, gpio: GpioChip, tmp_path: 
         AckermannDrive(DriveConfig(pwm_chip=str(tmp_path / "none")), car, ManualClock())
 
 
-def test_when_the_lines_are_taken_the_motor_is_left_cut(
+def test_a_drive_that_another_program_has_is_left_alone(
     config: DriveConfig, car: CarGeometry, gpio: GpioChip, pwm: PwmFolder
 ) -> None:
     gpio.used.add(REVERSE)
+    (pwm.path / "pwm1" / "duty_cycle").write_text("12000\n", "ascii")
     with pytest.raises(DeviceError, match="drive direction at /dev/gpiochip0, lines 23, 24"):
         AckermannDrive(config, car, ManualClock())
-    assert (pwm.value(MOTOR, "enable"), pwm.value(SERVO, "enable")) == (0, 0)
+    assert pwm.value(MOTOR, "duty_cycle") == 12_000
 
 
 def test_a_channel_that_never_appears_is_an_error(
