@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from shared.geometry.se2 import Pose2
+from tools.simulator.rooms import footprint
 from tools.simulator.scenario import Scenario
 from tools.simulator.solids import Solid, solids_of
 
@@ -42,14 +43,14 @@ class _Paper:
 
 
 def plan_view(scenario: Scenario, track_m: NDArray[np.floating] | None = None, pixels_per_m: int = 200) -> Image.Image:
-    """The room, its items, the car at its start and the goals; `track_m` (N, 2), room frame, is drawn if given."""
+    """The room, its items, the robot at its start and the goals; `track_m` (N, 2), room frame, is drawn if given."""
     paper = _Paper(scenario, pixels_per_m)
     _draw_metre_grid(paper, scenario)
     for solid in sorted(solids_of(scenario), key=lambda s: s.center_m[2] + s.half_m[2]):
         _draw_solid(paper, solid)
     if track_m is not None and len(track_m) > 1:
         paper.draw.line(paper.at(track_m), fill=_TRACK, width=paper.px(0.015), joint="curve")
-    _draw_car(paper, scenario, scenario.start.room_from_robot)
+    _draw_robot(paper, scenario, scenario.start.room_from_robot)
     for goal in scenario.goals:
         _draw_goal(paper, goal.position_m)
     width, height = paper.image.size
@@ -82,11 +83,10 @@ def _draw_solid(paper: _Paper, solid: Solid) -> None:
     paper.draw.polygon(paper.at(solid.corners_m()), fill=fill, outline=(90, 75, 55), width=paper.px(0.008))
 
 
-def _draw_car(paper: _Paper, scenario: Scenario, room_from_robot: Pose2) -> None:
-    car = scenario.car
-    half = car.width_m / 2
-    body = np.array([(-car.rear_m, -half), (car.front_m, -half), (car.front_m, half), (-car.rear_m, half)])
-    nose = np.array([(car.front_m - 0.09, -half * 0.6), (car.front_m - 0.02, 0.0), (car.front_m - 0.09, half * 0.6)])
+def _draw_robot(paper: _Paper, scenario: Scenario, room_from_robot: Pose2) -> None:
+    body = footprint(scenario.body)
+    front, half = body[:, 0].max(), body[:, 1].max()
+    nose = np.array([(front - 0.09, -half * 0.6), (front - 0.02, 0.0), (front - 0.09, half * 0.6)])
     paper.draw.polygon(paper.at(room_from_robot.apply(body)), fill=_START)
     paper.draw.polygon(paper.at(room_from_robot.apply(nose)), fill=(255, 255, 255))
 

@@ -24,7 +24,7 @@ _START_M = 1.0  # round the start there is nothing
 def free_pose(scenario: Scenario, rng: np.random.Generator) -> Pose2:
     """Anywhere in the room where the robot stands clear of everything, any heading. Raises `ValueError`."""
     body, room = scenario.body, scenario.room
-    footprint = _footprint(body)
+    outline = footprint(body)
     solids = [s for s in solids_of(scenario) if s.center_m[2] - s.half_m[2] < body.height_m]
     for _ in range(_TRIES):
         pose = Pose2(
@@ -32,13 +32,13 @@ def free_pose(scenario: Scenario, rng: np.random.Generator) -> Pose2:
             float(rng.uniform(0.0, room.width_y_m)),
             float(rng.uniform(-math.pi, math.pi)),
         )
-        corners = pose.apply(footprint)
+        corners = pose.apply(outline)
         if _in_room(corners, room) and all(_clearance_m(corners, solid) > _CLEAR_M for solid in solids):
             return pose
     raise ValueError(f"{scenario.name}: no room for the robot")
 
 
-def _footprint(body: CarParameters | OmniParameters) -> NDArray[np.float64]:
+def footprint(body: CarParameters | OmniParameters) -> NDArray[np.float64]:
     """(K, 2): its corners, robot frame, counter-clockwise."""
     if isinstance(body, OmniParameters):
         return np.array(OmniGeometry(body.wheel_distance_m, body.wheel_radius_m, body.radius_m).footprint_m())
