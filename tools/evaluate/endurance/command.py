@@ -165,6 +165,7 @@ def _result(measured: dict[str, dict[str, dict[str, float]]], samples: list[Samp
         "memory_growth_mb": None if growth is None else round(growth, 2),
         "memory_mb": round(samples[-1].memory_mb, 1),
         "cores": round(cores, 3),
+        "nice": measured["nice"],
         "simulator": measured["simulator"],
         "rows": [asdict(r) for r in rows],
         "memory_each_minute_mb": [round(s.memory_mb, 2) for s in samples[:: int(_SETTLES_S)]],

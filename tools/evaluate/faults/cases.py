@@ -15,7 +15,7 @@ from tools.simulator.lockstep import Lockstep
 
 FOR_EVER = math.inf
 _A_WHILE_S = 3.0
-_WATCHED_S = 8.0
+_WATCHED_S = 6.5
 _NEEDED = ("scanner", "imu", "encoders", "drive")
 _NOT_NEEDED = ("camera", "power", "thermometer")
 
