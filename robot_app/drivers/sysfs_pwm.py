@@ -25,7 +25,9 @@ class SysfsPwm:
         self._period_ns = period_ns
         self._duty_fd: int | None = None
         if not self._chip.is_dir():
-            raise DeviceError(f"{self._name}: there is no such chip; put dtoverlay=pwm-2chan into config.txt")
+            raise DeviceError(
+                f"{self._name}: there is no such chip; put dtoverlay=pwm-2chan (omni: i2c-pwm-pca9685a) into config.txt"
+            )
         try:
             self._export(clock)
             self._set_up()

@@ -17,7 +17,7 @@ import pytest
 
 from robot_app import __main__ as command
 from robot_app.check import check_radios
-from robot_app.config import DEFAULT_PATH, load_config
+from robot_app.config import DEFAULT_PATH, OMNI_PATH, load_config
 from robot_app.drivers.config import DeviceConfig
 from robot_app.service import ServiceManager
 from shared.link.es920lr.settings import RadioSettings
@@ -87,18 +87,34 @@ def toml_of(robot: EmulatedRobot, folder: Path) -> Path:
     return path
 
 
+def omni_toml_of(robot: EmulatedRobot, folder: Path) -> Path:
+    """The same of the omnidirectional robot."""
+    config = robot.config
+    text = OMNI_PATH.read_text("utf-8").replace("/dev/ttyACM0", config.scanner.port)
+    text = text.replace("/sys/class/pwm/pwmchip2", config.drive.pwm_chip)
+    text += f'[devices.thermometer]\nzone = "{config.thermometer.zone}"\n'
+    path = folder / "omni.toml"
+    path.write_text(text, "utf-8")
+    return path
+
+
 def call(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
     monkeypatch.setattr(sys, "argv", ["robot-app", *map(str, arguments)])
     return command.main()
 
 
+@pytest.mark.parametrize("file_of", [toml_of, omni_toml_of])
 def test_the_robot_runs_until_it_is_told_to_end(
-    robot: EmulatedRobot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    robot: EmulatedRobot,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    file_of: Callable[[EmulatedRobot, Path], Path],
 ) -> None:
     robot.keeps_measuring = True
     systemd = Systemd(tmp_path, enough=lambda heard: heard.count("WATCHDOG=1") == 2)
     monkeypatch.setenv("NOTIFY_SOCKET", systemd.address)
-    code = call(monkeypatch, "--config", toml_of(robot, tmp_path), "--bind", "127.0.0.1", "--port", "0")
+    code = call(monkeypatch, "--config", file_of(robot, tmp_path), "--bind", "127.0.0.1", "--port", "0")
     systemd.close()
     assert code == 0
     assert systemd.heard[0] == "READY=1"
@@ -124,6 +140,16 @@ def test_the_check_prints_a_table(
     assert [line.split()[0] for line in lines[9:13]] == ["real", "card", "clock", "pairing"]
     assert " yes " in lines[4]
     assert " NO " in lines[17]
+
+
+def test_the_wheels_of_the_omnidirectional_robot_are_checked(
+    robot: EmulatedRobot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot.keeps_measuring = True
+    monkeypatch.setattr("robot_app.check_system.highest_priority", lambda: 80)
+    assert call(monkeypatch, "--config", omni_toml_of(robot, tmp_path), "check") == 0
+    assert "the three motors are free" in capsys.readouterr().out
+    assert robot.is_released
 
 
 def test_a_missing_device_is_one_line_and_exit_code_2(

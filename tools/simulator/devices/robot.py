@@ -40,7 +40,7 @@ class EmulatedRobot:
         self.i2c = I2cBus({0x6B: self.imu, 0x1E: self.magnetometer, 0x48: Ads1115Chip([2.4, 1.65, 0.0, 0.0])})
         self.gpio = GpioChip()
         self.camera = Camera()
-        self.pwm = PwmFolder(folder)
+        self.pwm = PwmFolder(folder, channels=3)  # a car has two motors, an omnidirectional robot three
         self._zone = folder / "temp"
         self._zone.write_text("48700\n", "ascii")
         self.keeps_measuring = False
