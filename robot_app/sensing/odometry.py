@@ -26,7 +26,7 @@ class OdometryConfig:
     distance_scale: float = 1.0  # true distance over measured one, from calibration
     speed_window_s: float = 0.10  # 3 mm ticks make a shorter window jump
     standing_s: float = 0.30  # without a tick for so long, the car stands and the gyro's bias is learnt
-    surely_standing_s: float = 1.0  # … and so long where the gyro says that it turns
+    surely_standing_s: float = 1.0  # … and so much longer where the gyro says that it turns
     creeping_radps: float = 0.01  # five times the noise of a sample of the gyro
     bias_time_constant_s: float = 2.0
     max_bias_radps: float = 0.35  # LSM9DS1: zero-rate level up to 30 °/s at 500 °/s full scale, less at 245
@@ -72,6 +72,7 @@ class Odometry:
         self._ways_m: tuple[float, ...] = ()
         self._bias_radps = 0.0
         self._standing_samples_s = 0.0
+        self._turning_s = 0.0  # by the gyro, without a tick
 
     @property
     def state(self) -> OdometryState:
@@ -165,18 +166,20 @@ class Odometry:
         elapsed_s = min(max(imu.stamp_s - last_s, 0.0), 0.1)  # after a gap the old rate says nothing
         raw_radps = imu.gyro_radps[2]
         rate = raw_radps - self._bias_radps
-        if self._stands(rate):
+        if self._stands(rate, elapsed_s):
             self._learn_bias(raw_radps, elapsed_s)
             return 0.0, 0.0
         return rate * elapsed_s, rate
 
-    def _stands(self, rate_radps: float) -> bool:
-        """Without a tick for long enough; a robot that creeps round a bend has long gaps between them too."""
-        if self._last_count is None:
+    def _stands(self, rate_radps: float, elapsed_s: float) -> bool:
+        """Without a tick for long enough; one that sets off or creeps round a bend has turned before the next tick."""
+        config = self._config
+        if self._last_count is None or self._last_count.stamp_s - self._last_tick_s <= config.standing_s:
+            self._turning_s = 0.0
             return False
-        config, still_s = self._config, self._last_count.stamp_s - self._last_tick_s
-        may_creep = self.is_calibrated and abs(rate_radps) > config.creeping_radps
-        return still_s > (config.surely_standing_s if may_creep else config.standing_s)
+        turns = self.is_calibrated and abs(rate_radps) > config.creeping_radps
+        self._turning_s = self._turning_s + elapsed_s if turns else 0.0
+        return not turns or self._turning_s > config.surely_standing_s
 
     def _learn_bias(self, raw_radps: float, elapsed_s: float) -> None:
         if abs(raw_radps - self._bias_radps) > self._config.max_bias_radps:

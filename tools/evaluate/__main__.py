@@ -7,6 +7,7 @@ import sys
 
 from shared.command_line import Parser, run, set_up_logging
 from tools.evaluate import kidnap, mission, slam, urg
+from tools.evaluate.control import surfaces
 from tools.evaluate.depth import drawing, extraction, lateness, learners, tables, variations
 from tools.evaluate.endurance import command as endurance
 from tools.evaluate.faults import command as faults
@@ -19,6 +20,7 @@ from tools.logs.base import LogError
 _COMMANDS = {
     "mission": (mission, "the demo's mission in lock-step, no window"),
     "missions": (missions, "many observations in rooms re-arranged at random: contacts, floor seen, speeds"),
+    "surfaces": (surfaces, "draws what the fuzzy controllers answer"),
     "map": (mapping, "missions with different seeds, their 2D and 3D maps against the truth"),
     "goals": (goals, "random goals: what can be reached is, what cannot is refused"),
     "slam": (slam, "2D SLAM on a recorded log, against hand-made relations"),

@@ -81,3 +81,12 @@ def test_a_wheel_that_slips_does_not_turn_the_robot() -> None:
     pose = odometry.state.odom_from_robot
     assert pose.theta_rad == 0.0
     assert pose.x_m == pytest.approx(1.15 * 1.0, abs=2 * TICK_M)
+
+
+def test_a_robot_that_creeps_round_a_bend_does_not_learn_its_turning_as_the_gyros_bias() -> None:
+    odometry = Odometry(OdometryConfig(), CAR)
+    now_s = drive(odometry, 0.0, 3.0, 0.0, 0.0, bias=0.01)
+    now_s = drive(odometry, now_s, 1.0, 0.1, 0.2, bias=0.01)
+    drive(odometry, now_s, 3.0, 0.004, 0.02, bias=0.01)
+    assert odometry.gyro_bias_radps == pytest.approx(0.01, abs=1e-4)
+    assert odometry.state.odom_from_robot.theta_rad == pytest.approx(0.26, abs=0.005)

@@ -1,0 +1,156 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from robot_app.control.explorer import Explorer, ExplorerConfig, LegEnd, Task
+from robot_app.control.ground.floor_map import FloorMap, FloorMapConfig
+from robot_app.control.ways.ways import Ways, WaysConfig, path_room_m
+from shared.geometry.ackermann import CarGeometry
+from shared.geometry.rays import cast_rays
+from shared.geometry.se2 import Pose2
+from shared.messages import ScanGeometry
+
+CAR = CarGeometry(0.26, 0.17, 0.04, 0.5, 0.305, 0.045, 0.2)
+BEAMS = 227
+STEP_RAD = math.radians(240) / (BEAMS - 1)
+SCANNER = ScanGeometry(-math.radians(120), STEP_RAD, 0.0, 0.06, 4.0, Pose2(0.25, 0.0, 0.0))
+FLOOR = FloorMapConfig(side_m=10.0)
+CONFIG = ExplorerConfig(floor=FLOOR)
+
+
+def box(x0: float, y0: float, x1: float, y1: float) -> list[tuple[float, float, float, float]]:
+    return [(x0, y0, x1, y0), (x1, y0, x1, y1), (x1, y1, x0, y1), (x0, y1, x0, y0)]
+
+
+YARD = np.array(box(-1.0, -1.0, 2.0, 1.0))
+SCREENED = np.array([*box(-1.0, -1.0, 2.0, 1.0), *box(1.0, -1.0, 1.05, 0.2)])  # a wall with a way round its end
+
+
+def scan(room: NDArray[np.float64], pose: Pose2) -> NDArray[np.float32]:
+    scanner = pose @ SCANNER.robot_from_scanner
+    ranges = np.empty(BEAMS)
+    cast_rays(scanner.x_m, scanner.y_m, SCANNER.angles_rad(BEAMS) + scanner.theta_rad, room, 4.0, ranges)
+    return ranges.astype(np.float32)
+
+
+def seen_from(room: NDArray[np.float64], *poses: Pose2) -> FloorMap:
+    floor = FloorMap(CAR, FLOOR)
+    for pose in poses:
+        for _ in range(3):
+            floor.add_scan(scan(room, pose), SCANNER, pose)
+    return floor
+
+
+def drive(explorer: Explorer, room: NDArray[np.float64], start: Pose2, most_legs: int = 12) -> Pose2:
+    """Along the legs of the explorer, by hand, until it has finished."""
+    pose, way_m = start, 0.0
+    for _ in range(most_legs):
+        for _ in range(8):
+            explorer.look(scan(room, pose), SCANNER, pose, way_m)
+        explorer.step(pose, 0.0)
+        leg = explorer.leg
+        if explorer.finished or leg is None:
+            break
+        for row in leg.path[1:]:
+            there = Pose2.from_array(row)
+            way_m += there.distance_m(pose)
+            pose = there
+            explorer.look(scan(room, pose), SCANNER, pose, way_m)
+        explorer.end(LegEnd(leg.number, arrived=True))
+    return pose
+
+
+def test_floor_that_beams_pass_is_seen_and_what_they_hit_stands_there() -> None:
+    floor = seen_from(YARD, Pose2())
+    assert 3.5 < floor.seen_m2 < 6.0
+    things = floor.things_m(Pose2(), 1.2)
+    assert len(things) > 20
+    assert np.all(np.min(np.abs(np.column_stack((things[:, 0] + 1, np.abs(things[:, 1]) - 1))), axis=1) < 0.03)
+
+
+def test_behind_a_screen_there_is_floor_to_be_seen_from_its_end() -> None:
+    floor = seen_from(SCREENED, Pose2())
+    here = floor.unseen_m2(Pose2(), SCANNER, BEAMS)
+    beyond = floor.unseen_m2(Pose2(1.2, 0.6, -math.pi / 2), SCANNER, BEAMS)
+    assert beyond > 0.5
+    assert beyond > 4 * here
+
+
+def test_what_should_be_seen_and_never_is_does_not_call_for_ever() -> None:
+    floor = FloorMap(CAR, FLOOR)
+    covered = np.full(BEAMS, np.nan, np.float32)
+    before = floor.unseen_m2(Pose2(), SCANNER, BEAMS)
+    for _ in range(FLOOR.most_tries):
+        floor.add_scan(covered, SCANNER, Pose2())
+    assert before > 5.0
+    assert floor.unseen_m2(Pose2(), SCANNER, BEAMS) < 0.1 * before
+
+
+def test_every_path_keeps_the_body_on_floor_that_was_seen_and_off_things() -> None:
+    floor = seen_from(SCREENED, Pose2(), Pose2(0.3, 0.5, 0.0))
+    room = floor.room_for_body(Pose2(), 0.045)
+    ways = Ways(CAR, WaysConfig(), room, Pose2(), 0.0)
+    assert len(ways) > 500
+    for node in np.linspace(1, len(ways) - 1, 40).astype(int).tolist():
+        path = ways.path_to(node)
+        assert np.allclose(path[-1], ways.poses[node])
+        assert np.hypot(*np.diff(path[:, :2], axis=0).T).max() <= 0.041
+        away = path[np.hypot(path[:, 0], path[:, 1]) > 0.5]  # nearer it may have as little room as at the start
+        assert len(away) == 0 or path_room_m(CAR, room, away) > -0.03
+
+
+def test_a_car_in_a_dead_end_backs_out_of_it() -> None:
+    alley = np.array([*box(-1.5, -1.5, 1.0, 1.5), (0.1, 0.22, 1.0, 0.22), (0.1, -0.22, 1.0, -0.22)])
+    floor = seen_from(alley, Pose2(-0.9, 0.0, 0.0), Pose2(-0.5, 0.0, 0.0), Pose2(0.0, 0.0, 0.0), Pose2(0.5, 0.0, 0.0))
+    ways = Ways(CAR, WaysConfig(), floor.room_for_body(Pose2(0.5, 0.0, 0.0), 0.045), Pose2(0.5, 0.0, 0.0), 0.0)
+    node = ways.nearest_to(Pose2(-0.8, 0.3, 0.0), 0.2, math.pi)
+    assert node is not None
+    path = ways.path_to(node)
+    first = path[1, :2] - path[0, :2]
+    assert first[0] < 0  # it faces the end
+
+
+def test_the_explorer_sees_the_whole_yard_and_finishes() -> None:
+    explorer = Explorer(CAR, CONFIG)
+    explorer.begin(Task.EXPLORE, Pose2())
+    drive(explorer, SCREENED, Pose2())
+    assert explorer.finished
+    assert explorer.found_way
+    assert explorer.seen_m2 > 0.93 * 6.0 - 0.1
+
+
+def test_the_explorer_brings_the_car_home() -> None:
+    explorer = Explorer(CAR, CONFIG)
+    away = Pose2(1.2, 0.3, 2.0)
+    for pose in (Pose2(), Pose2(0.6, 0.0, 0.5), away):
+        for _ in range(3):
+            explorer.look(scan(YARD, pose), SCANNER, pose, 0.0)
+    explorer.begin(Task.HOME, Pose2())
+    end = drive(explorer, YARD, away)
+    assert (explorer.finished, explorer.found_way) == (True, True)
+    assert end.distance_m(Pose2()) < 0.15
+
+
+def test_legs_that_cannot_be_driven_are_given_up_in_the_end() -> None:
+    explorer = Explorer(CAR, CONFIG)
+    explorer.begin(Task.EXPLORE, Pose2())
+    for _ in range(30):
+        explorer.look(scan(SCREENED, Pose2()), SCANNER, Pose2(), 0.0)
+        explorer.step(Pose2(), 0.0)
+        if explorer.leg is not None:
+            explorer.end(LegEnd(explorer.leg.number, arrived=False))
+    assert explorer.finished
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_a_loop_is_closed_where_the_robot_was_some_way_before(closed: bool) -> None:
+    explorer = Explorer(CAR, CONFIG)
+    turn = math.tau if closed else 3.0
+    for k, angle in enumerate(np.linspace(0.0, turn, 80).tolist()):
+        pose = Pose2(math.sin(angle), 1 - math.cos(angle), angle)
+        explorer.look(np.full(BEAMS, np.nan, np.float32), SCANNER, pose, turn * k / 79)
+    assert explorer.loop_closed is closed
