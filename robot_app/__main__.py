@@ -26,6 +26,7 @@ from robot_app.real_time import ask_for_real_time, take_priority
 from robot_app.run import run_robot, stop_on_signals
 from robot_app.service import ServiceManager
 from shared.command_line import EXIT_FAILED, EXIT_OK, Parser, Refused, port_number, run, set_up_logging
+from shared.link.base import LinkError
 from shared.link.pairing import read_pairing, write_new_pairing
 from shared.runtime.clock import MonotonicClock
 
@@ -121,13 +122,19 @@ def _work(args: argparse.Namespace) -> int:
     config = load_any_config(args.config)
     if args.command == "calibrate":
         return _calibrate(config, args)
-    return _check(config) if args.command == "check" else _drive(config, args)
+    if args.command == "check":
+        return _check(config)
+    try:
+        return _drive(config, args)
+    except (DeviceError, LinkError) as error:  # not misuse: the service tries again, and the device may have come
+        print(f"robot-app: {error}", file=sys.stderr)  # noqa: T201 - the command's own words
+        return EXIT_FAILED
 
 
 def main() -> int:
     args = _parser().parse_args()
     set_up_logging(args.verbose)
-    return run("robot-app", lambda: _work(args), also=(DeviceError,))
+    return run("robot-app", lambda: _work(args))
 
 
 if __name__ == "__main__":

@@ -152,22 +152,22 @@ def test_the_wheels_of_the_omnidirectional_robot_are_checked(
     assert robot.is_released
 
 
-def test_a_missing_device_is_one_line_and_exit_code_2(
+def test_a_missing_device_is_one_line_and_a_failure_after_which_the_service_tries_again(
     robot: EmulatedRobot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     robot.remove("imu")
-    assert call(monkeypatch, "--config", toml_of(robot, tmp_path), "--port", "0") == 2
+    assert call(monkeypatch, "--config", toml_of(robot, tmp_path), "--port", "0") == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("robot-app: imu LSM9DS1 at I2C bus 1, address 0x6b: does not answer")
     assert robot.is_released
 
 
-def test_a_port_in_use_is_one_line_and_exit_code_2(
+def test_a_port_in_use_is_one_line_and_a_failure(
     robot: EmulatedRobot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     other = TcpServerLink("127.0.0.1", 0, MonotonicClock())
     port = str(other.port)
-    assert call(monkeypatch, "--config", toml_of(robot, tmp_path), "--bind", "127.0.0.1", "--port", port) == 2
+    assert call(monkeypatch, "--config", toml_of(robot, tmp_path), "--bind", "127.0.0.1", "--port", port) == 1
     other.close()
     (line,) = capsys.readouterr().err.splitlines()
     assert port in line
