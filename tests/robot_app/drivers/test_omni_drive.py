@@ -20,7 +20,7 @@ from tools.simulator.devices.gpio import GpioChip
 from tools.simulator.devices.pwm import PwmFolder
 
 PERIOD_NS = 1_000_000
-LINES = ((23, 24), (17, 27), (22, 25))
+LINES = ((23, 24), (17, 18), (22, 25))
 ENCODERS = ((5, 6), (16, 26), (20, 21))
 
 
