@@ -36,7 +36,7 @@ _Procedure = Callable[[AnyRobotConfig, Guide, Clock], Sequence[Change]]
 
 def _car(config: AnyRobotConfig) -> RobotConfig:
     if not isinstance(config, RobotConfig):
-        raise CalibrationError("that is for a car; the omnidirectional robot's wheels are set by hand, in [devices.omni]")
+        raise CalibrationError("that is for a car; three wheels are set by hand, in [devices.omni]")
     return config
 
 
