@@ -124,7 +124,9 @@ class OmniPilot:
             return self._hand_wish(self._mission.hand_motion(now_s))
         if behaviour is Behaviour.FOLLOW_PATH:
             return self._path_wish(now_s, state)
-        return self._wall_wish(state)
+        if behaviour is Behaviour.FOLLOW_WALL:
+            return self._wall_wish(state)
+        return OmniWish(STAND_STILL)  # the mission asks nobody to explore who does not say that he does
 
     def _hand_wish(self, motion: Motion | None) -> OmniWish:
         """The stick to the side turns the robot, also where it stands."""
