@@ -16,9 +16,11 @@ STALE_AFTER_S = 1.5
     ("state", "expected"),
     [
         (MissionState.IDLE, Allowed(start=True, stop=True, emergency=True)),
-        (MissionState.OBSERVE, Allowed(stop=True, emergency=True, drive=True)),
-        (MissionState.COMMAND, Allowed(stop=True, emergency=True, go_to=True, drive=True)),
-        (MissionState.HALTED, Allowed(start=True, emergency=True)),
+        (MissionState.OBSERVE, Allowed(stop=True, emergency=True, drive=True, pause=True, go_home=True)),
+        (MissionState.COMMAND, Allowed(stop=True, emergency=True, go_to=True, drive=True, pause=True, go_home=True)),
+        (MissionState.RETURN, Allowed(stop=True, emergency=True, pause=True)),
+        (MissionState.PAUSED, Allowed(start=True, stop=True, emergency=True, resume=True, go_home=True)),
+        (MissionState.HALTED, Allowed(start=True, emergency=True, resume=True)),
     ],
 )
 def test_a_connected_robot_may_be_asked_what_fits_its_state(scenes, room, state, expected):

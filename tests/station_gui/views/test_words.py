@@ -74,7 +74,15 @@ def test_each_state_and_reason_has_a_sentence(scenes, state, reason):
 def test_a_halt_says_why_and_how_to_go_on(scenes):
     telemetry = scenes.telemetry(MissionState.HALTED, stop_reason=StopReason.BLOCKED, faults=("camera lost",))
     assert words.telemetry_sentence(telemetry) == (
-        "Stopped: something is in the way. Fault: camera lost. Press Start observation to go on."
+        "Stopped: something is in the way. Fault: camera lost. "
+        "Press Continue to go on, or Start observation to begin anew."
+    )
+
+
+def test_a_mission_cut_off_by_a_start_of_the_app_says_how_to_go_on(scenes):
+    telemetry = scenes.telemetry(MissionState.PAUSED, stop_reason=StopReason.RESTARTED, faults=())
+    assert words.telemetry_sentence(telemetry) == (
+        "Paused: its program was started again in the middle of a mission. Press Continue to go on."
     )
 
 
