@@ -20,6 +20,8 @@ from station_gui.mapping.slam2d.base import Admits, admit_all
 from station_gui.mapping.slam2d.belief import surprise
 from station_gui.mapping.slam2d.config import GraphSlamConfig
 from station_gui.mapping.slam2d.graph.loop_closure import LoopCloser, edge_information
+from station_gui.mapping.slam2d.graph.node_keyframes import NodeKeyframes
+from station_gui.mapping.slam2d.graph.node_way import NodeWay
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
 from station_gui.mapping.slam2d.graph.sight.new_ground import NewGround, view_of
 from station_gui.mapping.slam2d.graph.sight.sight import View
@@ -50,12 +52,9 @@ class GraphSlam:
         self._pieces = Pieces()
         self._grid = FollowingGrid(config.grid)
         self._scans = Placed()
-        self._keyframes: list[Keyframe] = []
-        self._keyframe_places = Placed()
-        self._by_node: list[list[Keyframe]] = []
-        self._first_keyframe: list[int] = []  # of each node
+        self._keyframes = NodeKeyframes()
         closer = LoopCloser(config.loops, config.local_map, self._matcher)
-        self._upkeep = GraphUpkeep(config.pose_graph, config.loops, closer, self._graph, self._by_node)
+        self._upkeep = GraphUpkeep(config.pose_graph, config.loops, closer, self._graph, self._keyframes.by_node)
         self._revision = 0
         self._node = 0
         self._local_from_node = np.zeros(3)
@@ -64,10 +63,7 @@ class GraphSlam:
         self._motion = MotionModel(config.motion, config.match)
         self._new_ground = NewGround(config.new_ground)
         self._since_rebuild_m = 0.0
-        self._node_way_m = 0.0
-        self._node_turn_rad = 0.0
-        self._node_misfit = 0.0  # of its scans, the shares of points that did not fit
-        self._node_scans = 0
+        self._node_way = NodeWay(config.keyframes)
         self._lost_scans = 0
         self._fit = 1.0
         self._fair_fit = 1.0  # of the newest match, believed or not
@@ -78,7 +74,7 @@ class GraphSlam:
     def add(self, scan: PointScan) -> Pose2:
         """See `Slam.add`. Raises MappingError for a scan that holds anything but finite numbers."""
         lines = lines_of(scan, self._config.normals)
-        if not self._keyframes:
+        if not len(self._keyframes):
             self._begin(scan, lines)
         else:
             self._track(scan, lines)
@@ -88,18 +84,12 @@ class GraphSlam:
         """Begin with this map; the next scan has to come by `resume`."""
         fill(self._graph, saved)
         self._pieces.load(saved.pieces)
-        self._by_node.extend([] for _ in range(len(saved.nodes)))
-        for keyframe in saved.keyframes:
-            self._keyframes.append(keyframe)
-            self._keyframe_places.append(keyframe.node, keyframe.in_node)
-            self._by_node[keyframe.node].append(keyframe)
-        first = np.searchsorted(saved.keyframe_nodes(), np.arange(len(saved.nodes)))
-        self._first_keyframe.extend(np.minimum(first, len(saved.keyframes) - 1).tolist())
+        self._keyframes.load(saved)
         self._upkeep.closed.extend((int(i), int(j)) for i, j in saved.ends[saved.robust])
 
     def saved(self) -> SavedMap:
         """The map as it is believed now."""
-        return to_saved(self._graph, self._keyframes, self._pieces.of_node)
+        return to_saved(self._graph, self._keyframes.all, self._pieces.of_node)
 
     @property
     def fit(self) -> float:
@@ -117,7 +107,7 @@ class GraphSlam:
     @property
     def keyframes(self) -> Sequence[Keyframe]:
         """In the order of `trajectory()`."""
-        return self._keyframes
+        return self._keyframes.all
 
     @property
     def lost_scans(self) -> int:
@@ -182,7 +172,7 @@ class GraphSlam:
         return self._pieces.apart
 
     def keyframe_pieces(self) -> NDArray[np.int32]:
-        return self._pieces.of_node[self._keyframe_places.nodes]
+        return self._pieces.of_node[self._keyframes.nodes]
 
     def _found_information(self) -> NDArray[np.float64]:
         config = self._config.pose_graph
@@ -220,19 +210,17 @@ class GraphSlam:
         return self._revision
 
     def trajectory(self) -> NDArray[np.float64]:
-        stamps = np.array([keyframe.stamp_s for keyframe in self._keyframes])
-        return np.column_stack((stamps, self.keyframe_poses()))
+        return self._keyframes.trajectory(self._graph.poses)
 
     def keyframe_poses(self) -> NDArray[np.float64]:
-        return self._keyframe_places.poses(self._graph.poses)
+        return self._keyframes.poses(self._graph.poses)
 
     def closures(self) -> NDArray[np.int32]:
-        pairs = [(self._first_keyframe[a], self._first_keyframe[b]) for a, b in self._upkeep.closed]
-        return np.array(pairs, np.int32).reshape(-1, 2)
+        return self._keyframes.first_of(self._upkeep.closed)
 
     def grid(self) -> GridMap:
         """After a closure that moved much it follows within some seconds of calls, or by `finish`."""
-        return self._grid.picture(self._keyframes, self._keyframe_places.poses(self._graph.poses), self._revision)
+        return self._grid.picture(self._keyframes.all, self.keyframe_poses(), self._revision)
 
     def _begin(self, scan: PointScan, lines: LineScan) -> None:
         """The map begins with the first scan of enough points; until then the robot is where odometry says."""
@@ -254,9 +242,7 @@ class GraphSlam:
         if match.share == 0.0:
             self._motion.miss()
         self._pose = match.pose
-        self._count_way(before)
-        self._node_misfit += 1.0 - match.share
-        self._node_scans += 1
+        self._since_rebuild_m += self._node_way.count(between(before, self._pose), match.share)
         if len(lines.points_m) >= self._config.match.min_points:
             self._fit = 0.0 if match.share == 0.0 else self._fair_fit
         if match.share > 0.0:
@@ -271,7 +257,7 @@ class GraphSlam:
             self._held.hold(HeldScan(scan, lines, self._pose_in_node(), self._fit))
             return
         self._admit_held()
-        if self._node_is_full():
+        if self._node_way.full:
             self._next_node(match)
         if self._is_keyframe(len(lines.points_m), self._pose_in_node()):
             self._add_keyframe(scan, lines, self._pose_in_node())
@@ -300,33 +286,22 @@ class GraphSlam:
         if not self._new_ground.may_be(match.share, self._surprise, len(lines.points_m)):
             return match.share
         node, poses = self._graph.poses[self._node], self._graph.poses
-        asked = [self._keyframes[k] for k in self._new_ground.picked(len(self._keyframes))]
+        asked = [self._keyframes.all[k] for k in self._new_ground.picked(len(self._keyframes))]
         views = [View(compose(between(node, poses[keyframe.node]), keyframe.in_node), keyframe) for keyframe in asked]
         here = view_of(lines, scan.origin_m, between(self._local_from_node, match.pose))
         return self._new_ground.fair_share(match.share, here, views)
 
-    def _count_way(self, before: NDArray[np.float64]) -> None:
-        step = between(before, self._pose)
-        way_m = float(np.hypot(step[0], step[1]))
-        self._node_way_m += way_m
-        self._since_rebuild_m += way_m
-        self._node_turn_rad += abs(float(step[2]))
-
-    def _node_is_full(self) -> bool:
-        config = self._config.keyframes
-        return self._node_way_m >= config.node_distance_m or self._node_turn_rad >= config.node_turn_rad
-
     def _next_node(self, match: Match) -> None:
         config = self._config.pose_graph
         measured = self._pose_in_node()
-        loose = 1.0 + config.misfit_ratio * self._node_misfit / max(self._node_scans, 1)
+        loose = self._node_way.looseness(config.misfit_ratio)
         information = edge_information(
             match.information,
             float(self._local_from_node[2]),
             loose * config.shift_sigma_m,
             loose * config.turn_sigma_rad,
         )
-        before, way_m = self._node, self._node_way_m
+        before, way_m = self._node, self._node_way.way_m
         self._new_node()
         self._graph.add_edge(before, self._node, measured, information, max(way_m, 0.1), robust=False)
         self._upkeep.look_for_loops(before)
@@ -336,7 +311,7 @@ class GraphSlam:
         config = self._config.pose_graph
         measured = self._pose_in_node()
         before = self._node
-        if self._keyframes:
+        if len(self._keyframes):
             self._pieces.begin()
         self._new_node()
         self._add_loose_edge(before, measured, config.lost_shift_sigma_m, config.lost_turn_sigma_rad)
@@ -356,7 +331,7 @@ class GraphSlam:
 
     def _renew_window(self) -> None:
         """All of it at once."""
-        self._local.begin(self._graph, self._by_node, self._node, self._map_pose())
+        self._local.begin(self._graph, self._keyframes.by_node, self._node, self._map_pose())
         while not self._local.step():
             pass
         self._adopt_window()
@@ -370,20 +345,16 @@ class GraphSlam:
 
     def _append_node(self, pose: NDArray[np.float64]) -> int:
         self._local_from_node = self._pose.copy()
-        self._by_node.append([])
-        self._first_keyframe.append(len(self._keyframes))
+        self._keyframes.add_node()
         self._held.release()  # what is held for a node that came to its end unseen is of a robot that was lost
-        self._node_way_m = 0.0
-        self._node_turn_rad = 0.0
-        self._node_misfit = 0.0
-        self._node_scans = 0
+        self._node_way.begin()
         self._pieces.add_node()
         return self._graph.add_node(pose)
 
     def _is_keyframe(self, points: int, in_node: NDArray[np.float64]) -> bool:
         if points < self._config.match.min_points:
             return False
-        keyframes = self._by_node[self._node]
+        keyframes = self._keyframes.by_node[self._node]
         return not keyframes or is_apart(self._config.keyframes, keyframes[-1].in_node, in_node)
 
     def _add_keyframe(self, scan: PointScan, lines: LineScan, in_node: NDArray[np.float64]) -> None:
@@ -396,8 +367,6 @@ class GraphSlam:
             scan.origin_m,
         )
         self._keyframes.append(keyframe)
-        self._keyframe_places.append(self._node, in_node)
-        self._by_node[self._node].append(keyframe)
         self._local.insert(lines, compose(self._local_from_node, in_node))
         self._local.add_pending(keyframe)
 
@@ -410,7 +379,7 @@ class GraphSlam:
             self._pieces.join(*pair)
         if not self._local.building and self._since_rebuild_m > self._config.local_map.rebuild_distance_m:
             self._since_rebuild_m = 0.0
-            self._local.begin(self._graph, self._by_node, self._node, self._map_pose())
+            self._local.begin(self._graph, self._keyframes.by_node, self._node, self._map_pose())
         elif self._local.step(spare=busy):
             self._adopt_window()
 

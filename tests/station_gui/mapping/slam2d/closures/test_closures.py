@@ -104,8 +104,8 @@ def test_a_closure_that_rests_on_scans_of_another_one_does_not_confirm_it() -> N
 
 @pytest.mark.parametrize("most", [0, 1, 2])
 def test_no_more_candidates_are_chosen_than_asked_for_and_none_next_to_another(most: int) -> None:
-    near, way_m = np.arange(20), np.full(20, 100.0)
-    chosen = choose(LoopConfig(max_candidates=most), 50, near, way_m, 0.1 * near + 0.5)
+    near, way_m = np.arange(20), np.full(20, 100.0, np.float64)
+    chosen = choose(LoopConfig(max_candidates=most), 50, near, way_m, np.linspace(0.5, 2.4, 20))
     assert [candidate.old for candidate in chosen] == [0, 7][:most]
 
 
