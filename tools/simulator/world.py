@@ -113,9 +113,9 @@ class World:
         theta = self.room_from_robot().theta_rad
         return float(self.data.qvel[0]) * math.cos(theta) + float(self.data.qvel[1]) * math.sin(theta)
 
-    def motor_torque_nm(self) -> float:
-        """On the driven wheels now, positive forward."""
-        return float(self.data.actuator_force[2])
+    def motor_command_radps(self) -> float:
+        """How fast the car's wheels would turn without load by the duty as it is now, positive forward."""
+        return float(self.data.ctrl[2])
 
     def wheel_angles_rad(self) -> tuple[float, ...]:
         """How far each wheel with an encoder has turned forward: of a car the left and the right rear one."""

@@ -72,7 +72,7 @@ def _tried_live(name: str) -> LiveOutcome:
 
 
 def _line(o: Outcome) -> str:
-    times = f"pushed {_shown(o.pushed_s)} s, moved {_shown(o.moved_s)} s, {100 * o.way_m:5.1f} cm"
+    times = f"driven {_shown(o.driven_s)} s, moved {_shown(o.moved_s)} s, {100 * o.way_m:5.1f} cm"
     return f"{o.name:24} {times}   {o.reason:18} {o.after:8} {o.failure}"
 
 
@@ -100,10 +100,10 @@ def _write(document: Path, outcomes: list[Outcome], live: list[LiveOutcome]) -> 
 
 
 def _table(outcomes: list[Outcome]) -> Iterator[str]:
-    yield "| fault | motor pushed for | car moved for | the operator sees | in the end |"
+    yield "| fault | motor on for | car moved for | the operator sees | in the end |"
     yield "|---|---|---|---|---|"
     for o in outcomes:
-        times = f"{_shown(o.pushed_s)} s | {_shown(o.moved_s)} s" if math.isfinite(o.moved_s) else "– | –"
+        times = f"{_shown(o.driven_s)} s | {_shown(o.moved_s)} s" if math.isfinite(o.moved_s) else "– | –"
         yield f"| {o.text} | {times} | {o.seen} | {o.after} |"
 
 

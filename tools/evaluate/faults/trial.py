@@ -16,23 +16,22 @@ from tools.simulator.scenario import find_scenario
 from tools.simulator.world import World
 
 _CONNECTS_S, _DRIVES_S, _LONGEST_S = 3.0, 4.0, 30.0
-_DRIVING_MPS, _DRIVING_NM = 0.25, 0.005  # faster than most of the way, and not slowing down
+_DRIVING_MPS = 0.25  # faster than most of the way
 _STANDS_MPS = 0.01
-_PUSH_NM = 0.002  # of the motor's 0.2 N m: less is what turns a wheel that stands
 _STEP_S = 0.01
 _STALE_AFTER_S = 1.5
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """`pushed_s`, `moved_s`: from the fault until the motor pushed forward, and until the car moved, for the last time
-    before it stood; NaN where it never stood. `end_mps`: at the end of the watch.
+    """`driven_s`, `moved_s`: from the fault until the motor was told to turn the way the car went, and until the car
+    moved, for the last time before it stood; NaN where it never stood. `end_mps`: at the end of the watch.
     """
 
     name: str
     text: str
     speed_mps: float
-    pushed_s: float
+    driven_s: float
     moved_s: float
     way_m: float
     reason: str
@@ -49,7 +48,7 @@ class _Motion:
     def __init__(self, world: World) -> None:
         self._world = world
         self._began_s = self._standing_since_s = math.inf
-        self.pushed_s = self.moved_s = 0.0
+        self.driven_s = self.moved_s = 0.0
         self.has_stood = False
         world.add_observer(self)
 
@@ -63,8 +62,8 @@ class _Motion:
         speed_mps = self._world.speed_mps()
         if abs(speed_mps) > _STANDS_MPS:
             self.moved_s, self._standing_since_s = elapsed_s, math.inf
-            if self._world.motor_torque_nm() * speed_mps > _PUSH_NM * abs(speed_mps):
-                self.pushed_s = elapsed_s
+            if self._world.motor_command_radps() * speed_mps > 0:
+                self.driven_s = elapsed_s
         else:
             self._standing_since_s = min(self._standing_since_s, elapsed_s)
             self.has_stood = elapsed_s - self._standing_since_s > 0.5
@@ -84,7 +83,7 @@ def _driving(seed: int) -> Lockstep:
     system.run(_CONNECTS_S)
     system.station.start()
     system.run(_DRIVES_S)
-    while system.world.speed_mps() < _DRIVING_MPS or system.world.motor_torque_nm() < _DRIVING_NM:
+    while system.world.speed_mps() < _DRIVING_MPS:
         system.run(_STEP_S)
         if system.clock.now_s() > _LONGEST_S:
             raise RuntimeError("the mission does not get going")
@@ -108,7 +107,7 @@ def _watch(case: Case, system: Lockstep) -> Outcome:
         name=case.name,
         text=case.text,
         speed_mps=speed_mps,
-        pushed_s=motion.pushed_s if motion.has_stood else nan,
+        driven_s=motion.driven_s if motion.has_stood else nan,
         moved_s=motion.moved_s if motion.has_stood else nan,
         way_m=way_m,
         reason=reason,
