@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import struct
-import threading
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -12,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_app.drivers.axes import axis_map, mapped
-from robot_app.drivers.base import DeviceError
 from robot_app.drivers.config import MagnetometerConfig, Symmetric
 from robot_app.drivers.i2c import I2cDevice
-from robot_app.drivers.lost import Reopening
+from robot_app.drivers.polled_chip import PolledChip
 from shared.runtime.clock import Clock
 
 _WHO_AM_I, _WHO = 0x0F, 0x3D
@@ -31,7 +29,6 @@ _BLOCK_UPDATE = 0x40
 _SOFT_RESET = 0x04
 _RESET_S = 0.02
 _PERIOD_S = 1 / 80
-_REOPEN_EVERY_S = 0.5
 _SILENCE_S = 0.2
 _START_UP_S = 0.3
 _UT_PER_DIGIT = 0.014  # 0.14 mgauss
@@ -55,47 +52,19 @@ class Magnetometer(Protocol):
     def close(self) -> None: ...
 
 
-class Lsm9ds1Magnetometer:
+class Lsm9ds1Magnetometer(PolledChip[MagneticSample]):
     """80 measurements a second; each is freed of what the robot itself adds, as `config` has it."""
 
     def __init__(self, config: MagnetometerConfig, clock: Clock) -> None:
-        self._clock = clock
+        device = I2cDevice("magnetometer LSM9DS1", config.bus, config.address)
+        super().__init__(device, clock, _PERIOD_S, _SILENCE_S)
         self._axes = axis_map(config.axes)
         self._offset_ut = np.array(config.offset_ut)
         self._matrix = symmetric(config.matrix)
-        self._reopening = Reopening(clock, _REOPEN_EVERY_S)
-        self._never = threading.Event()
-        self._closed = False
-        self._device = I2cDevice("magnetometer LSM9DS1", config.bus, config.address)
-        try:
-            self._set_up()
-        except DeviceError:
-            self._device.close()
-            raise
-
-    def read(self, timeout_s: float) -> MagneticSample | None:
-        """After a loss the read raises `DeviceError`, and a later one sets the chip up again."""
-        if self._closed:
-            raise DeviceError(f"{self._device.name}: is closed")
-        self._reopening.check_due()
-        try:
-            if self._reopening.is_lost:
-                self._set_up()
-                self._reopening.found()
-            return self._wait_for_sample(timeout_s)
-        except DeviceError as error:
-            self._reopening.lost(error)
-            raise
-
-    def close(self) -> None:
-        if not self._closed:
-            self._closed = True
-            self._device.close()
+        self._open()
 
     def _set_up(self) -> None:
-        ((who,),) = self._device.read((_WHO_AM_I, 1))
-        if who != _WHO:
-            raise DeviceError(f"{self._device.name}: says {who:#04x} instead of {_WHO:#04x}; is it an LSM9DS1?")
+        self._check_identity(_WHO_AM_I, _WHO)
         self._device.write(_CTRL_REG2_M, _SOFT_RESET)
         self._pause(_RESET_S)
         self._device.write(_CTRL_REG1_M, _HIGH_PERFORMANCE_80_HZ)
@@ -103,31 +72,17 @@ class Lsm9ds1Magnetometer:
         self._device.write(_CTRL_REG4_M, _Z_HIGH_PERFORMANCE)
         self._device.write(_CTRL_REG5_M, _BLOCK_UPDATE)
         self._device.write(_CTRL_REG3_M, _CONTINUOUS)
-        self._ready_by_s = self._clock.now_s() + _START_UP_S
+        self._expect_within(_START_UP_S)
 
-    def _wait_for_sample(self, timeout_s: float) -> MagneticSample | None:
-        due_s = self._clock.now_s() + timeout_s
-        while True:
-            (data,) = self._device.read((_STATUS | _COUNT_UP, 7))
-            now_s = self._clock.now_s()
-            if data == _ONES:
-                raise DeviceError(f"{self._device.name}: reads as nothing but ones; is a wire loose?")
-            if data[0] & _READY:
-                self._ready_by_s = now_s + _SILENCE_S
-                return self._sample(now_s, data[1:])
-            if now_s > self._ready_by_s:
-                raise DeviceError(f"{self._device.name}: measures nothing; did its supply fail?")
-            if now_s >= due_s:
-                return None
-            self._pause(min(due_s - now_s, _PERIOD_S / 4))
-
-    def _sample(self, now_s: float, data: bytes) -> MagneticSample:
-        field_ut = mapped(struct.unpack("<3h", data), self._axes, _UT_PER_DIGIT)
+    def _poll(self) -> MagneticSample | None:
+        (data,) = self._device.read((_STATUS | _COUNT_UP, 7))
+        if data == _ONES:
+            raise self._ones()
+        if not data[0] & _READY:
+            return None
+        field_ut = mapped(struct.unpack("<3h", data[1:]), self._axes, _UT_PER_DIGIT)
         x, y, z = corrected_ut(np.array([field_ut]), self._offset_ut, self._matrix)[0].tolist()
-        return MagneticSample(now_s - _PERIOD_S / 2, (x, y, z))
-
-    def _pause(self, seconds: float) -> None:
-        self._clock.wait(self._never, self._clock.now_s() + seconds)
+        return MagneticSample(self._clock.now_s() - _PERIOD_S / 2, (x, y, z))
 
 
 def symmetric(six: Symmetric) -> NDArray[np.float64]:
