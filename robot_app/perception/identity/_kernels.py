@@ -13,6 +13,7 @@ from robot_app.perception._kernels import UNCOUNTED
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
+U8 = NDArray[np.uint8]
 
 
 @njit(nogil=True, cache=True, **UNCOUNTED)
@@ -60,6 +61,32 @@ def _count_near(
 
 
 @njit(nogil=True, cache=True, **UNCOUNTED)
+def _share_near(
+    segment_m: F64,
+    start: I32,
+    box_m: F64,
+    k: int,
+    other_m: F64,
+    other_start: I32,
+    other_box_m: F64,
+    o: int,
+    reach_m: float,
+    step_m: float,
+) -> float:
+    """Of the points every `step_m` along object k, which part lies near the other object o."""
+    for axis in range(3):
+        if box_m[k, 0, axis] > other_box_m[o, 1, axis] + reach_m:
+            return 0.0
+        if box_m[k, 1, axis] < other_box_m[o, 0, axis] - reach_m:
+            return 0.0
+    hits, total = _count_near(
+        segment_m, start[k], start[k + 1], other_m, other_start[o], other_start[o + 1], reach_m, step_m
+    )
+    share: float = hits / total
+    return share
+
+
+@njit(nogil=True, cache=True, **UNCOUNTED)
 def measure_overlap(
     segment_m: F64,
     start: I32,
@@ -81,16 +108,26 @@ def measure_overlap(
         _surround(other_m, other_start[o], other_start[o + 1], other_box_m[o])
     for k in range(share.shape[0]):
         for o in range(share.shape[1]):
-            apart = False
-            for axis in range(3):
-                apart |= box_m[k, 0, axis] > other_box_m[o, 1, axis] + reach_m[o]
-                apart |= box_m[k, 1, axis] < other_box_m[o, 0, axis] - reach_m[o]
-            share[k, o] = 0.0
-            if not apart:
-                hits, total = _count_near(
-                    segment_m, start[k], start[k + 1], other_m, other_start[o], other_start[o + 1], reach_m[o], step_m
-                )
-                share[k, o] = hits / total
+            share[k, o] = _share_near(
+                segment_m, start, box_m, k, other_m, other_start, other_box_m, o, reach_m[o], step_m
+            )
+
+
+@njit(nogil=True, cache=True, **UNCOUNTED)
+def mark_whole(
+    segment_m: F64, start: I32, reach_m: F64, keep_share: float, step_m: float, box_m: F64, whole: U8
+) -> None:
+    """`whole`: (K,) 0 for an object of which `keep_share` lies near one before it that is whole, else 1.
+
+    `reach_m`: (K,) what is near. `box_m`: (K, 2, 3) room to work in.
+    """
+    for k in range(whole.size):
+        _surround(segment_m, start[k], start[k + 1], box_m[k])
+        whole[k] = 1
+        for o in range(k):
+            if whole[o] == 1 and whole[k] == 1:
+                share = _share_near(segment_m, start, box_m, k, segment_m, start, box_m, o, reach_m[o], step_m)
+                whole[k] = share < keep_share
 
 
 @njit(nogil=True, cache=True, **UNCOUNTED)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from robot_app.perception.config import TrackingConfig
 from robot_app.perception.identity import _kernels as kernels
-from robot_app.perception.identity.outline import Outline, outlines_of, shares_near, snapped
+from robot_app.perception.identity.outline import Outline, Outlines, outlines_of, snapped
 from shared.geometry.se2 import Pose2
 from shared.messages import ObjectNetwork
 
@@ -37,6 +37,9 @@ class ObjectTracker:
     def __init__(self, config: TrackingConfig) -> None:
         self._config = config
         self._known: list[_Object] = []
+        self._joined = Outlines.of([], config)
+        self._shown = Outlines.of([], config)
+        self._whole: list[int] = []
 
     def update(self, objects: ObjectNetwork, odom_from_robot: Pose2) -> ObjectNetwork:
         """Take the network of a new frame, which was seen from `odom_from_robot`; returns what is there, robot frame.
@@ -44,18 +47,17 @@ class ObjectTracker:
         It has no more than `most_nodes`, and an object's nodes follow one another, in the same order as long as it is
         known.
         """
-        new = outlines_of(objects, odom_from_robot)
-        known = [item.outline for item in self._known]
-        new_on_known = shares_near(new, known, self._config)
-        known_on_new = shares_near(known, new, self._config)
+        step_m = self._config.step_m
+        new, known = outlines_of(objects, odom_from_robot, self._config), self._joined_known()
+        new_on_known, known_on_new = new.shares_near(known, step_m), known.shares_near(new, step_m)
         owners = self._match(np.ascontiguousarray(0.5 * (new_on_known + known_on_new.T)))
         for item in self._known:
             item.frames_unseen += 1
         for k, at in enumerate(owners):
             if at >= 0:
-                self._see_again(self._known[at], new[k], float(new_on_known[k, at]), float(known_on_new[at, k]))
+                self._see_again(self._known[at], new.items[k], float(new_on_known[k, at]), float(known_on_new[at, k]))
             else:
-                self._known.append(_Object(new[k]))
+                self._known.append(_Object(new.items[k]))
         self._forget()
         return _together(self._visible(), odom_from_robot.inverse())
 
@@ -65,6 +67,13 @@ class ObjectTracker:
         other = ObjectTracker(self._config)
         other.update(line, Pose2())
         other.update(line, Pose2())
+
+    def _joined_known(self) -> Outlines:
+        """What is known; joined anew only when it has changed."""
+        outlines = [item.outline for item in self._known]
+        if not self._joined.same(outlines):
+            self._joined = Outlines.of(outlines, self._config)
+        return self._joined
 
     def _match(self, alike: FloatArray) -> list[int]:
         """For each new outline the known object that it is, the most alike first; -1 for none."""
@@ -89,8 +98,10 @@ class ObjectTracker:
         """What was not seen for long goes, and of too many objects those that were not seen for the longest."""
         config = self._config
         kept = [k for k, item in enumerate(self._known) if item.frames_unseen <= config.forget_frames]
-        kept.sort(key=lambda k: (self._known[k].frames_unseen, k))
-        self._known = [self._known[k] for k in sorted(kept[: config.max_objects])]
+        if len(kept) > config.max_objects:
+            kept.sort(key=lambda k: (self._known[k].frames_unseen, k))
+            kept = sorted(kept[: config.max_objects])
+        self._known = [self._known[k] for k in kept]
 
     def _visible(self) -> list[Outline]:
         """What is seen, and for a few frames what was; what lies along something larger is a part of it."""
@@ -102,12 +113,10 @@ class ObjectTracker:
         ]
         order.sort(key=lambda k: -self._known[k].outline.length_m)
         outlines = [self._known[k].outline for k in order]
-        covered = shares_near(outlines, outlines, config) >= config.keep_share
-        whole: list[int] = []
-        for k in range(len(order)):
-            if not covered[k, whole].any():
-                whole.append(k)
-        return [self._known[k].outline for k in sorted(self._within_budget([order[k] for k in whole]))]
+        if not self._shown.same(outlines):
+            self._shown = Outlines.of(outlines, config)
+            self._whole = np.flatnonzero(self._shown.mark_whole(config.keep_share, config.step_m)).tolist()
+        return [self._known[k].outline for k in sorted(self._within_budget([order[k] for k in self._whole]))]
 
     def _within_budget(self, wanted: list[int]) -> list[int]:
         """Of the known objects `wanted` as many as have no more than `most_nodes` nodes: first what is seen now, and of

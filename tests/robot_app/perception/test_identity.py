@@ -69,6 +69,18 @@ def test_overlap_is_that_of_a_plain_twin() -> None:
             assert share[k, o] == pytest.approx(near / len(points))
 
 
+def test_what_lies_along_something_whole_before_it_is_not_whole() -> None:
+    lines = np.zeros((5, 2, 3))
+    lines[:, 1, 0] = 1.0
+    lines[1:, :, 1] = [[0.025], [0.05], [1.0], [1.0]]  # beside the first; beside the second alone; and elsewhere
+    lines[4, 1, 0] = 1.5  # a third of it reaches beyond the fourth
+    start, reach_m = np.arange(6, dtype=np.int32), np.full(5, 0.03)
+    for share, expected in ((0.8, [1, 0, 1, 1, 1]), (0.6, [1, 0, 1, 1, 0])):
+        whole = np.full(5, 7, np.uint8)
+        kernels.mark_whole(lines, start, reach_m, share, 0.03, np.zeros((5, 2, 3)), whole)
+        assert whole.tolist() == expected
+
+
 def test_a_still_scene_with_noise_gives_the_same_network_bit_for_bit() -> None:
     tracker = ObjectTracker(TrackingConfig())
     boxes = [SQUARE, moved(SQUARE, 0.5, 1.0)]
