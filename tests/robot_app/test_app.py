@@ -5,6 +5,8 @@ from numba.core.dispatcher import Dispatcher
 from robot_app.app import RobotApp
 from robot_app.config import load_config
 from robot_app.control import _kernels as control_kernels
+from robot_app.control.ground import _kernels as ground_kernels
+from robot_app.control.ways import _kernels as ways_kernels
 from robot_app.perception import _kernels as edge_kernels
 from robot_app.perception.completion import _kernels as completion_kernels
 from robot_app.perception.curves import _kernels as crease_kernels
@@ -28,6 +30,8 @@ def compiled() -> dict[str, int]:
     """How many versions of each kernel of the robot there are."""
     modules = (
         control_kernels,
+        ground_kernels,
+        ways_kernels,
         edge_kernels,
         crease_kernels,
         tracing_kernels,
