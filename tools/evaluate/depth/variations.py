@@ -49,7 +49,7 @@ class Figures:
 
 
 def mirrored(view: View, _: np.random.Generator) -> View:
-    lens = replace(view.lens, cx=view.lens.width - 1 - view.lens.cx)
+    lens = replace(view.lens, cx=view.lens.width - view.lens.cx)
     return replace(view, depth=view.depth[:, ::-1], labels=view.labels[:, ::-1], lens=lens)
 
 
@@ -98,8 +98,7 @@ def _resized(share: float) -> _Change:
         height, width = int(lens.height * share), int(lens.width * share)
         rows = np.minimum(((np.arange(height) + 0.5) / share).astype(int), lens.height - 1)
         columns = np.minimum(((np.arange(width) + 0.5) / share).astype(int), lens.width - 1)
-        middle = (lens.cx + 0.5) * share - 0.5, (lens.cy + 0.5) * share - 0.5
-        resized = Intrinsics(width, height, lens.fx * share, lens.fy * share, *middle)
+        resized = Intrinsics(width, height, *(share * px for px in (lens.fx, lens.fy, lens.cx, lens.cy)))
         pixels = np.ix_(rows, columns)
         return replace(view, depth=view.depth[pixels], labels=view.labels[pixels], lens=resized)
 
