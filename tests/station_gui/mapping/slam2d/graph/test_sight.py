@@ -45,6 +45,25 @@ def test_what_no_beam_came_near_is_not_known() -> None:
     assert _share(points, np.zeros(3), [view])[0] == pytest.approx(1 / 2)
 
 
+@pytest.mark.parametrize("spacing_deg", [0.1, 0.36, 1.0, 2.0, 3.7])
+@pytest.mark.parametrize("way", [1, -1])
+def test_between_neighbouring_beams_nothing_is_unknown(spacing_deg: float, way: int) -> None:
+    """Round the back of the scanner too, where bearings jump."""
+    view = _view(np.arange(100.0, 260.0, spacing_deg)[::way], 3.0, np.zeros(3))
+    ahead_rad = np.radians(np.arange(105.0, 255.0, 0.13))
+    points = _SCANNER_M + 2.0 * np.column_stack((np.cos(ahead_rad), np.sin(ahead_rad)))
+    assert _share(points, np.zeros(3), [view])[0] == 1.0
+
+
+@pytest.mark.parametrize("spacing_deg", [0.36, 1.0, 2.0])
+def test_where_beams_hit_nothing_is_not_known_however_wide_they_are(spacing_deg: float) -> None:
+    bearings = np.arange(-60.0, 60.0, spacing_deg)
+    view = _view(bearings[np.abs(bearings) > 5.0], 3.0, np.zeros(3))
+    ahead_rad = np.radians(np.arange(-3.0, 3.0, 0.1))
+    points = _SCANNER_M + 2.0 * np.column_stack((np.cos(ahead_rad), np.sin(ahead_rad)))
+    assert _share(points, np.zeros(3), [view])[0] == 0.0
+
+
 def test_a_near_point_of_the_view_hides_what_is_behind_it() -> None:
     post, wall = _view(np.array([0.2]), 1.0, np.zeros(3)).keyframe, _view(np.arange(-9.0, 9.0, 0.5), 3.0, np.zeros(3))
     both = np.concatenate((wall.keyframe.points_m, post.points_m))
