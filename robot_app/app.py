@@ -16,6 +16,7 @@ from robot_app.drivers.base import (
     ImuSample,
     PowerSample,
     RawScan,
+    Setting,
     TemperatureSample,
 )
 from robot_app.mission import RUNNING, Mission
@@ -210,19 +211,23 @@ class RobotApp:
         if self._must_cut():
             self._motors.cut()
         elif self._must_brake(now_s, reason):
+            self._wanted(now_s, may_move=False)  # what has failed must work before the car may drive again
             self._brake(now_s)
         else:
             self._drive(now_s, may_move=reason is StopReason.NONE)
         self._control_s = now_s
 
     def _drive(self, now_s: float, may_move: bool) -> None:
-        setting = self._pilot.step(now_s, may_move)
-        if not setting.is_finite:
-            raise ValueError(f"the controllers ask for {setting}, which is no setting")
-        applied = self._motors.set(setting)
+        applied = self._motors.set(self._wanted(now_s, may_move))
         if self._stall.update(now_s, applied, self._odometry.state):
             self._mission.halt(StopReason.STALLED)
             self._motors.cut()
+
+    def _wanted(self, now_s: float, may_move: bool) -> Setting:
+        setting = self._pilot.step(now_s, may_move)
+        if not setting.is_finite:
+            raise ValueError(f"the controllers ask for {setting}, which is no setting")
+        return setting
 
     def _brake(self, now_s: float) -> None:
         self._motors.brake(now_s, self._pilot.rolling_mps, not self._is_blind(now_s))
