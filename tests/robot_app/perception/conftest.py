@@ -88,3 +88,11 @@ def world() -> BoxWorld:
 @pytest.fixture
 def room() -> list[Box]:
     return list(ROOM)
+
+
+@pytest.fixture(scope="session")
+def room_image() -> DepthImage:
+    """The room with noise and flying pixels, drawn once for all tests."""
+    image = BoxWorld().image(ROOM, np.random.default_rng(1), flying=True)
+    image.depth.setflags(write=False)
+    return image

@@ -68,9 +68,8 @@ def test_the_caps_are_met_by_frames_that_are_all_edges(world) -> None:
     assert nodes > 0.5 * SMALL.learning.max_nodes
 
 
-def test_an_ordinary_frame_is_far_from_the_caps(world, room) -> None:
-    image = world.image(room, np.random.default_rng(1), flying=True)
-    edges, samples, nodes = work_of(world, PerceptionConfig(), image.depth)
+def test_an_ordinary_frame_is_far_from_the_caps(world, room_image) -> None:
+    edges, samples, nodes = work_of(world, PerceptionConfig(), room_image.depth)
     assert 2 * edges < EdgeConfig().max_edges
     assert 2 * samples < EdgeConfig().max_samples
     assert nodes < LearningConfig().max_nodes

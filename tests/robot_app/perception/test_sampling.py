@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from robot_app.perception._kernels import TILE_CELLS
+from robot_app.perception.config import EdgeConfig
 from robot_app.perception.curves.sampling import _kernels as kernels
 
 CELL_WIDTH = 4 / 457.0
@@ -89,3 +91,46 @@ def test_a_rim_is_on_a_surface_that_comes_to_it() -> None:
     assert not is_on(surface(), 1.4)  # the surface passes behind it
     assert not is_on(surface(scatter_m=0.05), 1.5)
     assert not is_on(np.zeros((ROWS, COLUMNS), np.float32), 1.5)
+
+
+def is_kept(step_cells: float, z_m: float, *, edges_a_tile: int = 0, score: float = 0.0, rim: bool = False) -> bool:
+    """Whether the robot takes a straight level curve for an edge, its points so far apart and at this depth.
+
+    `score`: how sharply it bends everywhere. `rim`: whether it is the upper rim of something smooth.
+    """
+    config, uv, z = EdgeConfig(), along_a_row(step_cells), np.full(COUNT, z_m, np.float32)
+    point_m, extent_m = points(uv, z), np.zeros(1, np.float32)
+    kernels.measure(
+        point_m, np.full(COUNT, score, np.float32), ORDER, point_m, uv, np.array([0, COUNT], np.int32), 1,
+        np.full((ROWS // TILE_CELLS + 3, COLUMNS // TILE_CELLS + 3), edges_a_tile, np.int32), config.crowd_share,
+        config.min_curve_m, config.min_curve_cells, config.max_roughness,
+        surface() if rim else np.zeros((ROWS, COLUMNS), np.float32), NOISE, config.max_looseness, config.loose_range_m,
+        config.max_raggedness, CELL_WIDTH, config.detail_curve_m, config.max_detail, extent_m, np.zeros(1, np.float32),
+    )  # fmt: skip
+    return bool(extent_m[0] > 0.0)
+
+
+def test_a_loose_curve_is_an_edge_near_by_and_noise_where_depth_is_noisy() -> None:
+    assert is_kept(2.8, 1.5)
+    assert not is_kept(2.8, 2.5)
+    assert is_kept(1.0, 2.5)
+
+
+def test_in_a_crowd_of_edges_a_curve_has_to_be_better_or_the_rim_of_something_smooth() -> None:
+    assert is_kept(2.2, 1.5)
+    assert not is_kept(2.2, 1.5, edges_a_tile=7)
+    assert is_kept(2.2, 1.5, edges_a_tile=7, rim=True)
+    assert is_kept(1.0, 1.5, edges_a_tile=7)
+
+
+def test_what_bends_everywhere_is_noise_and_in_a_crowd_what_bends_less_too() -> None:
+    assert is_kept(1.0, 1.5, score=0.3)
+    assert not is_kept(1.0, 1.5, score=0.5)
+    assert not is_kept(1.0, 1.5, score=0.3, edges_a_tile=7)
+
+
+def test_curves_of_less_than_six_centimetres_or_six_cells_are_noise() -> None:
+    assert is_kept(0.4, 1.0)
+    assert not is_kept(0.34, 1.0)  # 5.7 cm, 6.5 cells
+    assert is_kept(0.36, 1.5)
+    assert not is_kept(0.28, 1.5)  # 7 cm, 5.3 cells
