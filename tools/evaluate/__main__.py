@@ -6,7 +6,7 @@ import argparse
 import sys
 
 from shared.command_line import Parser, run, set_up_logging
-from tools.evaluate import kidnap, mission, slam, urg
+from tools.evaluate import kidnap, mission, slam, sweep
 from tools.evaluate.control import surfaces
 from tools.evaluate.depth import drawing, extraction, lateness, learners, tables, variations
 from tools.evaluate.endurance import command as endurance
@@ -15,6 +15,7 @@ from tools.evaluate.goals import command as goals
 from tools.evaluate.link import air, codec, cut_missions, radio_mission
 from tools.evaluate.mapping import command as mapping
 from tools.evaluate.missions import command as missions
+from tools.evaluate.urg import command as urg
 from tools.logs.base import LogError
 
 _COMMANDS = {
@@ -24,6 +25,7 @@ _COMMANDS = {
     "map": (mapping, "missions with different seeds, their 2D and 3D maps against the truth"),
     "goals": (goals, "random goals: what can be reached is, what cannot is refused"),
     "slam": (slam, "2D SLAM on a recorded log, against hand-made relations"),
+    "sweep": (sweep, "how 2D SLAM stands changes of a recorded log: late starts, fewer beams, noise, backwards"),
     "urg": (urg, "walls and revisits of the map of a log without a ground truth"),
     "kidnap": (kidnap, "finding a robot that was put down anywhere in a saved map"),
     "extraction": (extraction, "3D object extraction on depth images"),

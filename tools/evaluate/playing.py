@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.messages import Observation
 from station_gui.build import build_slam
 from station_gui.config import StationConfig, load_config
 from station_gui.mapping.scan import PointScan, to_points
@@ -83,6 +85,17 @@ class Run:
     def cpu_s(self) -> float:
         """Of all threads."""
         return sum(step.process_s for step in self.steps) + self.finish.process_s
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A `LogReader` of what was read before."""
+
+    observations: Sequence[Observation]
+    truncated: str | None = None
+
+    def __iter__(self) -> Iterator[Observation]:
+        return iter(self.observations)
 
 
 def shipped(method: Method, seed: int) -> StationConfig:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from shared.messages import Observation
 from station_gui.build import build_slam
 from station_gui.mapping.saved_map import decode, encode
-from tools.evaluate.playing import Method, play, shipped, shipped_slam
+from tools.evaluate.playing import Method, Part, play, shipped, shipped_slam
 from tools.evaluate.slam import read_relations, relation_errors
 from tools.logs.carmen import CarmenReader
 
@@ -32,17 +30,6 @@ class ContinuedFigures:
     rotation_mean_deg: float
     rotation_std_deg: float
     map_bytes: int
-
-
-@dataclass(frozen=True, slots=True)
-class Part:
-    """A `LogReader` of what was read before."""
-
-    observations: Sequence[Observation]
-    truncated: str | None = None
-
-    def __iter__(self) -> Iterator[Observation]:
-        return iter(self.observations)
 
 
 def measure(log: Path, relations: Path, method: Method) -> ContinuedFigures:
