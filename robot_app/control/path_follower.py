@@ -33,7 +33,7 @@ class PathFollowerConfig:
     rules: PathRulesConfig = field(default_factory=PathRulesConfig)
     slow_mps: float = 0.07  # paper 1, section 4: slow is below 0.1, medium 0.2, fast above 0.4
     medium_mps: float = 0.20
-    fast_mps: float = 0.42
+    fast_mps: float = 0.30  # below the paper's "fast": the room is small
     reverse_mps: float = 0.18  # nothing is seen behind the car
     preview_s: float = 0.16  # the servo's and the loop's delay, at the present speed
     lost_m: float = 0.40

@@ -34,7 +34,7 @@ class WallFollowerConfig:
     look_ahead_m: float = 0.40  # from there to the point of the way it heads for
     slow_mps: float = 0.08  # paper 1, section 4: slow is below 0.1, medium 0.2, fast above 0.4
     medium_mps: float = 0.20
-    fast_mps: float = 0.42
+    fast_mps: float = 0.32  # below the paper's "fast": the room is small
     corner_m: float = 1.6  # how far along the way inner corners are looked for
     corner_aside_m: float = 0.8  # beyond this to the side there is room to turn later
     lap_distance_m: float = 4.0  # no lap is shorter
