@@ -21,6 +21,8 @@ PNG_UNIT_M = 0.001
 FINE_UNIT_M = 0.00025  # the L515's
 _MAX_BYTES = 1 << 28  # of an unpacked file
 _NO_DEPTH_PNG = 65535
+_MOST_UNITS = 65534
+_TOO_FAR_M = 1000.0
 
 _FOREIGN = (
     OSError,
@@ -117,8 +119,13 @@ def _check_size(content: io.BytesIO) -> None:
 
 
 def _from_metres(depth_m: NDArray[np.floating]) -> DepthImage:
-    units = np.round(np.nan_to_num(depth_m, nan=0.0, posinf=0.0, neginf=0.0).astype(np.float64) / FINE_UNIT_M)
-    return DepthImage(0.0, np.where((units < 0) | (units > 65534), 0, units).astype(np.uint16), FINE_UNIT_M)
+    """Raises ValueError where all that was measured is too far to be in metres."""
+    known_m = np.nan_to_num(depth_m, nan=0.0, posinf=0.0, neginf=0.0).astype(np.float64)
+    units = np.round(np.clip(known_m, 0.0, _TOO_FAR_M) / FINE_UNIT_M)
+    depth = np.where(units > _MOST_UNITS, 0, units).astype(np.uint16)
+    if units.any() and not depth.any():
+        raise ValueError(f"holds no depth of up to {_MOST_UNITS * FINE_UNIT_M:.0f} m: is it in metres?")
+    return DepthImage(0.0, depth, FINE_UNIT_M)
 
 
 def _from_cloud(cloud: OrganisedCloud) -> DepthFile:

@@ -57,6 +57,14 @@ def test_an_array_holds_metres_and_what_is_no_depth_is_zero(tmp_path: Path, name
     assert (image.depth * image.unit_m).tolist() == [[0.5, 0.0], [0.0, 0.0]]
 
 
+def test_an_array_of_millimetres_is_refused_and_one_without_a_depth_is_not(tmp_path: Path) -> None:
+    np.save(tmp_path / "mm.npy", np.array([[1500.0, math.nan], [0.0, 1e308]]))
+    np.save(tmp_path / "none.npy", np.array([[0.0, math.nan], [-1.0, math.inf]]))
+    with pytest.raises(DepthFileError, match=r"mm\.npy: .*in metres"):
+        read_depth(tmp_path / "mm.npy")
+    assert not read_depth(tmp_path / "none.npy").image.depth.any()
+
+
 def pcd_of(depth_m: np.ndarray, form: str, labels: np.ndarray | None = None) -> bytes:
     height, width = depth_m.shape
     columns, rows = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
