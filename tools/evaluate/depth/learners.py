@@ -73,7 +73,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Exit code 1 when no frame has enough samples, 2 when a file cannot be read."""
+    """Exit code 1 when no frame has enough samples, 2 when none is given or a file cannot be read."""
+    if not args.files and not args.lab:
+        print("evaluate learners: give depth images, --lab or both", file=sys.stderr)
+        return 2
     rows: list[FileFigures] = []
     skipped: list[str] = []
     try:

@@ -46,6 +46,11 @@ def test_frames_with_too_few_samples_are_named(monkeypatch, capsys, tmp_path) ->
     assert "wall.png" in capsys.readouterr().err
 
 
+def test_learners_without_a_frame_to_learn_from_ask_for_one(monkeypatch, capsys) -> None:
+    assert run(monkeypatch, "learners") == 2
+    assert capsys.readouterr().err == "evaluate learners: give depth images, --lab or both\n"
+
+
 def test_a_bare_view_is_sampled_as_densely_as_the_nodes_need(monkeypatch, capsys, boxes) -> None:
     samples = []
     for nodes in ("20", "180"):
