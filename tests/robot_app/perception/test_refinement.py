@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from robot_app.perception.config import RefineConfig
+from robot_app.perception.learner import Network
+from robot_app.perception.refine import Refiner
 from robot_app.perception.refinement import _kernels as kernels
 
 LENS = np.array([457.0, 457.0, 320.0, 240.0])
@@ -161,6 +165,31 @@ def test_a_node_with_little_edge_around_it_is_disconnected() -> None:
     curve, small = np.zeros(3, np.int32), np.array([0.05], np.float32)
     kernels.remove_noise(node_m, curve, small, *linked, 3, 0.2, 0.1, 4 / 457, points, len(points))
     assert pairs_of(*linked) == {(0, 1)}
+
+
+def cloud_of(*corners_m: tuple[float, float, float]) -> SimpleNamespace:
+    """What the refiner looks at of an EdgeCloud: one curve over nothing, a point in each cell."""
+    line_m, edge_at = edge_line(*corners_m)
+    edge_m = line_m[edge_at[edge_at >= 0]]
+    edge_at[edge_at >= 0] = np.arange(len(edge_m))
+    return SimpleNamespace(
+        sample_m=edge_m, sample_curve=np.zeros(len(edge_m), np.int32), samples=len(edge_m), edge_m=edge_m,
+        edges=len(edge_m), edge_at=edge_at, lens=LENS, stride=STRIDE, cell_width=STRIDE / LENS[0],
+        curve_closed=np.zeros(1, np.uint8), curve_detail=np.ones(1, np.float32), curve_group=np.zeros(1, np.int32),
+        curve_extent_m=np.array([math.dist(corners_m[0], corners_m[-1])], np.float32),
+        z=np.zeros((120, 160), np.float32), slope_x=np.zeros(640, np.float32), slope_y=np.zeros(480, np.float32),
+        up=np.array([0.0, -1.0, 0.0, 100.0]),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("length_m", "expected"), [(0.11, 0), (0.16, 2)])
+def test_of_lines_that_stand_alone_short_ones_go(length_m: float, expected: int) -> None:
+    ends = ((0.0, 0.0, 1.0), (length_m, 0.0, 1.0))
+    network = Network(8)
+    network.node_m[:2], network.nodes = ends, 2
+    network.linked[0, 1] = network.linked[1, 0] = 1
+    Refiner(RefineConfig(), 8, 100).refine(network, cloud_of(*ends))
+    assert network.nodes == expected
 
 
 def outlines_of(beside: np.ndarray, degree: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
