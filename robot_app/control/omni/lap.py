@@ -19,6 +19,7 @@ class LapConfig:
     course_m: float = 1.5  # over which its direction is taken: on a bend round a thing it points anywhere
     course_rad: float = 0.6  # two courses of one way differ by less
     sure_m: float = 0.5  # for so long it must be so
+    came_m: float = 3.0  # before a lap, over which the direction in which it came is taken
     step_m: float = 0.1  # places are remembered this often
     places: int = 1200
 
@@ -45,6 +46,7 @@ class Lap:
         """Begin a new lap here."""
         self._places: deque[_Place] = deque(maxlen=self._config.places)
         self._matched_m = 0.0
+        self.came_rad: float | None = None  # the direction in which it came to where the lap began
 
     def travel(self, odom_from_robot: Pose2) -> None:
         """To be called at every step."""
@@ -60,7 +62,12 @@ class Lap:
             return 0.0
         here = _Place(self._last, self.distance_m, self.turned_rad, self._course_rad(self._last))
         self._places.append(here)
-        turns = next((t for place in self._places if (t := self._turns_since(place, here))), 0.0)
+        turns = 0.0
+        for index, place in enumerate(self._places):
+            turns = self._turns_since(place, here)
+            if turns:
+                self.came_rad = self._came_rad(index)
+                break
         self._matched_m = self._matched_m + config.step_m if turns else 0.0
         return turns if self._matched_m >= config.sure_m else 0.0
 
@@ -71,6 +78,13 @@ class Lap:
             return pose.theta_rad
         before = self._places[-back].pose
         return math.atan2(pose.y_m - before.y_m, pose.x_m - before.x_m)
+
+    def _came_rad(self, index: int) -> float | None:
+        back = index - round(self._config.came_m / self._config.step_m)
+        if back < 0:
+            return None
+        before, place = self._places[back].pose, self._places[index].pose
+        return math.atan2(place.y_m - before.y_m, place.x_m - before.x_m)
 
     def _turns_since(self, place: _Place, here: _Place) -> float:
         """0 where the robot does not go the same way as then."""

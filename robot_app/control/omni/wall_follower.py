@@ -176,15 +176,20 @@ class OmniWallFollower:
         return float(np.interp(level, (0, 1, 2, 3), (0.0, config.slow_mps, config.medium_mps, config.fast_mps)))
 
     def _judge_lap(self, pose: Pose2) -> None:
-        """A lap of the room turns the robot once towards the open side; a lap of an island the other way."""
+        """A lap of the room turns the robot once towards the open side; a lap of an island the other way.
+
+        It leaves an island as it came there, or across, where it has not come from afar.
+        """
         turns = 0.0 if self._state is WallState.DONE else -self._config.side * self._lap.turns_round()
         if turns > 0:
             self._state = WallState.DONE
         elif turns < 0:
             self._state = WallState.LEAVE
+            came_rad = self._lap.came_rad
+            across_rad = pose.theta_rad - self._config.side * math.pi / 2
+            self._leave_heading_rad = across_rad if came_rad is None else came_rad
             self._lap.forget()
             self._left_at_m = self._lap.distance_m
-            self._leave_heading_rad = pose.theta_rad - self._config.side * math.pi / 2
 
     def _has_crossed(self, pose: Pose2, clearance_ahead_m: float) -> bool:
         """Facing what stands at the other side; in any case after some way, however it went."""
