@@ -213,6 +213,7 @@ class RobotApp:
         elif self._must_brake(now_s, reason):
             self._wanted(now_s, may_move=False)  # what has failed must work before the car may drive again
             self._brake(now_s)
+            self._motors.check()
         else:
             self._drive(now_s, may_move=reason is StopReason.NONE)
         self._control_s = now_s
@@ -370,7 +371,8 @@ class RobotApp:
             return self._mission.stop_reason
         if self._mission.state is MissionState.IDLE:
             return StopReason.NONE
-        if self._clock.now_s() - self._control_s > schedule.CONTROL.max_age_s:
+        hangs = self._clock.now_s() - self._control_s > schedule.CONTROL.max_age_s
+        if hangs and self._standing_reason is StopReason.NONE:
             return StopReason.TASK_FAULT  # nobody else would say so
         if self._standing_reason is StopReason.NONE and self._pilot.state.blocked:
             return StopReason.BLOCKED

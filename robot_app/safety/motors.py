@@ -92,6 +92,11 @@ class Motors:
             if waited:
                 self._lock.release()
 
+    def check(self) -> None:
+        """Whether the drive obeys while the car stands; raises its `DeviceError`."""
+        if self.applied is None:
+            self._drive.set(self._pushing(0.0))
+
     def cut(self) -> None:
         """At once and without a push. Waits for a tick under way, but not for one that hangs."""
         waited = self._lock.acquire(timeout=_LOCK_TIMEOUT_S)

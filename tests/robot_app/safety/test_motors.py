@@ -88,6 +88,14 @@ def test_a_drive_that_is_gone_is_at_least_told_to_stop(motors: Motors, drive: Fa
     assert drive.duties[1:] == [0.0]
 
 
+def test_a_drive_that_is_gone_stays_a_fault_while_the_car_stands(motors: Motors, drive: FakeDrive) -> None:
+    motors.brake(0.0, 0.0, True)
+    motors.check()
+    drive.is_gone = True
+    with pytest.raises(DeviceError, match="unplugged"):
+        motors.check()
+
+
 def test_what_is_cut_is_not_pushed_any_more(motors: Motors, drive: FakeDrive) -> None:
     motors.set(DriveSetting(0.3, 0.1))
     motors.brake(0.0, 0.2, True)
