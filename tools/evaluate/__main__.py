@@ -16,6 +16,7 @@ from tools.evaluate.link import air, codec, cut_missions, radio_mission
 from tools.evaluate.mapping import command as mapping
 from tools.evaluate.missions import command as missions
 from tools.evaluate.urg import command as urg
+from tools.evaluate.urg import command as urg
 from tools.logs.base import LogError
 
 _COMMANDS = {

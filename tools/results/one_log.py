@@ -16,8 +16,8 @@ from shared.command_line import EXIT_OK, Parser, Refused, existing_file, run
 from station_gui.export.map_picture import draw_map, palette
 from station_gui.mapping.slam2d.base import SessionSlam
 from tools.evaluate import slam as slam_log
-from tools.evaluate import urg as urg_log
 from tools.evaluate.playing import play, shipped_slam
+from tools.evaluate.urg import command as urg_log
 from tools.logs.base import LogError, LogReader
 from tools.logs.carmen import CarmenReader
 from tools.logs.urg import UrgReader

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from tools.evaluate.cloud import Cloud
-from tools.evaluate.wall_line import BIN_M, BIN_POINTS, FloatArray, IntArray, WallLine, total_least_squares
+from tools.evaluate.urg.cloud import Cloud
+from tools.evaluate.urg.wall_line import BIN_M, BIN_POINTS, FloatArray, IntArray, WallLine, total_least_squares
 
 _FACING_COS = math.cos(math.radians(30.0))  # of the wall's line: a bow's ends lie aslant
 _REACH_M = 0.10  # about where the wall is expected to go on

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from tools.evaluate.cloud import Cloud
-from tools.evaluate.wall_line import BIN_M, BIN_POINTS, FloatArray, IntArray, WallLine
+from tools.evaluate.urg.cloud import Cloud
+from tools.evaluate.urg.wall_line import BIN_M, BIN_POINTS, FloatArray, IntArray, WallLine
 
 _WINDOW_BINS = 5  # half a metre in which a second wall must go on
 _SCANS = 4  # that see it

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tools.evaluate.cloud import Cloud
-from tools.evaluate.doubles import double_bins, seen_through_bins
-from tools.evaluate.wall_bend import bend_m
-from tools.evaluate.wall_line import BIN_M, BIN_POINTS, WallLine, total_least_squares
+from tools.evaluate.urg.cloud import Cloud
+from tools.evaluate.urg.doubles import double_bins, seen_through_bins
+from tools.evaluate.urg.wall_bend import bend_m
+from tools.evaluate.urg.wall_line import BIN_M, BIN_POINTS, WallLine, total_least_squares
 
 FloatArray = NDArray[np.float64]
 

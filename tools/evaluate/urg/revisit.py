@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from shared.geometry.se2 import Pose2, wrap_angle
-from tools.evaluate.cloud import Cloud
+from tools.evaluate.urg.cloud import Cloud
 
 FloatArray = NDArray[np.float64]
 

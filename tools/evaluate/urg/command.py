@@ -13,10 +13,10 @@ import numpy as np
 
 from shared.command_line import EXIT_MISUSE, EXIT_OK, existing_file, seed
 from station_gui.export.map_picture import draw_map
-from tools.evaluate.cloud import cloud_of, range_noise_m
 from tools.evaluate.playing import Run, play, shipped_slam
-from tools.evaluate.revisit import MARKED_VISITS, revisit
-from tools.evaluate.walls import Wall, find_walls
+from tools.evaluate.urg.cloud import cloud_of, range_noise_m
+from tools.evaluate.urg.revisit import MARKED_VISITS, revisit
+from tools.evaluate.urg.walls import Wall, find_walls
 from tools.logs.base import LogError
 from tools.logs.urg import UrgReader
 

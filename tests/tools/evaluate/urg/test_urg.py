@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from shared.geometry.se2 import Pose2
 from station_gui.mapping.scan import PointScan
-from tools.evaluate import urg
-from tools.evaluate.cloud import Cloud, cloud_of, line_normals, range_noise_m, still_stretches
-from tools.evaluate.revisit import Revisit, revisit, visits
-from tools.evaluate.urg import wall_figures
-from tools.evaluate.walls import Wall, find_walls
+from tools.evaluate.urg import command as urg
+from tools.evaluate.urg.cloud import Cloud, cloud_of, line_normals, range_noise_m, still_stretches
+from tools.evaluate.urg.command import wall_figures
+from tools.evaluate.urg.revisit import Revisit, revisit, visits
+from tools.evaluate.urg.walls import Wall, find_walls
 
 SIGMA_M = 0.005
 ROOM_M = np.array([[-3.0, -2.0], [3.0, 2.0]])
@@ -214,7 +214,7 @@ def test_noise_is_measured_while_the_robot_stands(rng: np.random.Generator) -> N
     assert math.isnan(range_noise_m(ranges, odometry + np.arange(40)[:, None]))
 
 
-_DATA = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "urg04lx"
+_DATA = Path(__file__).resolve().parents[4] / ".." / "shared" / "data" / "urg04lx"
 
 
 @pytest.mark.skipif(not _DATA.is_dir(), reason="the folder shared/data is not there")
