@@ -16,7 +16,6 @@ from tools.evaluate.link import air, codec, cut_missions, radio_mission
 from tools.evaluate.mapping import command as mapping
 from tools.evaluate.missions import command as missions
 from tools.evaluate.urg import command as urg
-from tools.evaluate.urg import command as urg
 from tools.logs.base import LogError
 
 _COMMANDS = {
