@@ -15,6 +15,7 @@ from shared.command_line import EXIT_MISUSE, EXIT_OK, existing_file, seed
 from station_gui.export.map_picture import draw_map
 from tools.evaluate.playing import Run, play, shipped_slam
 from tools.evaluate.urg.cloud import cloud_of, range_noise_m
+from tools.evaluate.urg.free_poses import free_poses
 from tools.evaluate.urg.revisit import MARKED_VISITS, revisit
 from tools.evaluate.urg.walls import Wall, find_walls
 from tools.logs.base import LogError
@@ -44,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--method", choices=("graph", "particle"), default="graph", help="of SLAM (default: graph)")
     parser.add_argument("--seed", type=seed, default=0, help="of the particle filter (default: 0)")
     parser.add_argument("--out", metavar="DIR", type=Path, help="write the map of each log here")
+    parser.add_argument("--free", action="store_true", help="measure doubles also with every scan moved to fit (slow)")
     parser.add_argument("--walls", action="store_true", help="print each wall as well")
     parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
 
@@ -58,6 +60,8 @@ def run(args: argparse.Namespace) -> int:
             status = EXIT_MISUSE
         name = log_name(log)
         walls, report = measure(played, name)
+        if args.free:
+            report |= doubles_of_free_poses(played)
         reports[name] = report
         if args.out is not None:
             args.out.mkdir(parents=True, exist_ok=True)
@@ -85,6 +89,13 @@ def measure(played: Run, name: str) -> tuple[list[Wall], dict[str, float | int |
     figures |= asdict(wall_figures(walls)) | {"scanner_noise_m": range_noise_m(np.array(played.ranges_m), odometry)}
     figures |= {f"revisit_{key}": value for key, value in (asdict(back) if back is not None else {}).items()}
     return walls, {key: _rounded(value) for key, value in figures.items()}
+
+
+def doubles_of_free_poses(played: Run) -> dict[str, float | int]:
+    """What is there twice whatever the trajectory: with the poses that the surfaces themselves agree on."""
+    poses = free_poses(played.scans, played.poses, _MAX_RANGE_M)
+    figures = wall_figures(find_walls(cloud_of(played.scans, poses, _MAX_RANGE_M)))
+    return {"double_walls_free": figures.double_walls, "double_length_free_m": round(figures.double_length_m, 4)}
 
 
 def wall_figures(walls: list[Wall]) -> WallFigures:

@@ -16,6 +16,7 @@ from station_gui.mapping.scan import PointScan
 from tools.evaluate.urg import command as urg
 from tools.evaluate.urg.cloud import Cloud, cloud_of, line_normals, range_noise_m, still_stretches
 from tools.evaluate.urg.command import wall_figures
+from tools.evaluate.urg.free_poses import free_poses
 from tools.evaluate.urg.revisit import Revisit, revisit, visits
 from tools.evaluate.urg.walls import Wall, find_walls
 
@@ -70,6 +71,18 @@ def test_a_map_that_drifts_has_double_walls(rng: np.random.Generator) -> None:
     figures = wall_figures(find_walls(mapped(rng, believed)[0]))
     assert figures.double_walls >= 1
     assert figures.double_length_m > 1.0
+
+
+def test_doubles_of_a_bad_trajectory_go_when_every_scan_may_move(rng: np.random.Generator) -> None:
+    ways = way_round()[::2]
+    scans = [scan_of_room(pose, rng) for pose in ways]
+    drift = Pose2(0.0, 0.15, 0.0)
+    astray = np.array([(p if k < len(ways) // 2 else drift @ p).as_array() for k, p in enumerate(ways)])
+    free = free_poses(scans, astray, 4.0)
+    assert wall_figures(find_walls(cloud_of(scans, astray, 4.0))).double_length_m > 1.0
+    figures = wall_figures(find_walls(cloud_of(scans, free, 4.0)))
+    assert figures.double_length_m == 0.0
+    assert figures.wall_thickness_m == pytest.approx(SIGMA_M, rel=0.4)
 
 
 def test_poses_that_tremble_make_walls_thicker_than_the_scanner_does(rng: np.random.Generator) -> None:
