@@ -14,7 +14,8 @@ import numpy as np
 from shared.command_line import EXIT_MISUSE, EXIT_OK, existing_file, seed
 from station_gui.export.map_picture import draw_map
 from tools.evaluate.playing import Run, play, shipped_slam
-from tools.evaluate.urg.cloud import cloud_of, range_noise_m
+from tools.evaluate.urg.cloud import Cloud, cloud_of, range_noise_m
+from tools.evaluate.urg.double_pictures import draw_double
 from tools.evaluate.urg.free_poses import free_poses
 from tools.evaluate.urg.revisit import MARKED_VISITS, revisit
 from tools.evaluate.urg.walls import Wall, find_walls
@@ -44,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("logs", nargs="+", metavar="LOG", type=existing_file, help="URG-04LX logs: .dat, .dat.gz")
     parser.add_argument("--method", choices=("graph", "particle"), default="graph", help="of SLAM (default: graph)")
     parser.add_argument("--seed", type=seed, default=0, help="of the particle filter (default: 0)")
-    parser.add_argument("--out", metavar="DIR", type=Path, help="write the map of each log here")
+    parser.add_argument("--out", metavar="DIR", type=Path, help="write the map of each log here, and its doubles")
     parser.add_argument("--free", action="store_true", help="measure doubles also with every scan moved to fit (slow)")
     parser.add_argument("--walls", action="store_true", help="print each wall as well")
     parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
@@ -60,12 +61,17 @@ def run(args: argparse.Namespace) -> int:
             status = EXIT_MISUSE
         name = log_name(log)
         walls, report = measure(played, name)
+        clouds = {"": cloud_of(played.scans, played.poses, _MAX_RANGE_M)}
         if args.free:
-            report |= doubles_of_free_poses(played)
+            poses = free_poses(played.scans, played.poses, _MAX_RANGE_M)
+            clouds["-free"] = cloud_of(played.scans, poses, _MAX_RANGE_M)
+            report |= doubles_of_free_poses(clouds["-free"])
         reports[name] = report
         if args.out is not None:
             args.out.mkdir(parents=True, exist_ok=True)
             draw_map(slam.grid(), slam.trajectory(), slam.closures(), args.out / f"{name}.png", title=name)
+            for kind, cloud in clouds.items():
+                _draw_doubles(cloud, args.out, f"{name}{kind}")
         _print(name, report, walls if args.walls else [])
     if args.json:
         print(json.dumps({"method": args.method, "logs": reports}))
@@ -91,10 +97,9 @@ def measure(played: Run, name: str) -> tuple[list[Wall], dict[str, float | int |
     return walls, {key: _rounded(value) for key, value in figures.items()}
 
 
-def doubles_of_free_poses(played: Run) -> dict[str, float | int]:
-    """What is there twice whatever the trajectory: with the poses that the surfaces themselves agree on."""
-    poses = free_poses(played.scans, played.poses, _MAX_RANGE_M)
-    figures = wall_figures(find_walls(cloud_of(played.scans, poses, _MAX_RANGE_M)))
+def doubles_of_free_poses(cloud: Cloud) -> dict[str, float | int]:
+    """What is there twice whatever the trajectory: `cloud` has the poses that the surfaces themselves agree on."""
+    figures = wall_figures(find_walls(cloud))
     return {"double_walls_free": figures.double_walls, "double_length_free_m": round(figures.double_length_m, 4)}
 
 
@@ -118,6 +123,13 @@ def wall_figures(walls: list[Wall]) -> WallFigures:
         double_walls=sum(wall.double_m > 0 for wall in walls),
         double_length_m=sum(wall.double_m for wall in walls),
     )
+
+
+def _draw_doubles(cloud: Cloud, folder: Path, name: str) -> None:
+    spans = [(wall.line, span_m) for wall in find_walls(cloud) for span_m in wall.double_spans_m]
+    for number, (line, span_m) in enumerate(spans, start=1):
+        picture = folder / f"{name}-double{number}.png"
+        draw_double(cloud, line, span_m, picture, title=f"{name}: {span_m[1] - span_m[0]:.1f} m twice")
 
 
 def _print(name: str, report: dict[str, float | int | None], walls: list[Wall]) -> None:

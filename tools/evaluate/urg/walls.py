@@ -41,9 +41,10 @@ class Wall:
     `thickness_m`: standard deviation of the points about the straight line; `p95_m`: of their distances from it;
     `scanner_m`: of the points of one scan about their own line, which is the scanner's part; `bend_m`: greatest
     distance of the wall's middle, followed as far as it goes, from its straight line; `double_m`: length of what is
-    there twice.
+    there twice; `double_spans_m`: from where to where along `line` that is.
     """
 
+    line: WallLine
     ends_m: FloatArray
     points: int
     scans: int
@@ -52,6 +53,7 @@ class Wall:
     scanner_m: float
     bend_m: float
     double_m: float
+    double_spans_m: tuple[tuple[float, float], ...]
 
     @property
     def length_m(self) -> float:
@@ -143,6 +145,7 @@ def _measured(near: Cloud, line: WallLine, cloud: Cloud) -> Wall:
     double = double_bins(across_m, bins, near.scan) | through
     foot = line.normal * line.rho_m
     return Wall(
+        line=line,
         ends_m=np.array([foot + along_m.min() * line.along, foot + along_m.max() * line.along]),
         points=int(band.sum()),
         scans=len(np.unique(near.scan[band])),
@@ -151,7 +154,16 @@ def _measured(near: Cloud, line: WallLine, cloud: Cloud) -> Wall:
         scanner_m=_within_scans(across_m[band], along_m[band], near.scan[band]),
         bend_m=bend_m(cloud, line, float(along_m.min()), float(along_m.max())),
         double_m=BIN_M * float(double.sum()),
+        double_spans_m=tuple(
+            (float(along_m.min()) + BIN_M * a, float(along_m.min()) + BIN_M * b) for a, b in _runs(double)
+        ),
     )
+
+
+def _runs(double: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First bin of each run, and the one after its last."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], double.astype(np.int64), [0]))))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
 def _within_scans(across_m: FloatArray, along_m: FloatArray, scan: NDArray[np.int64]) -> float:
