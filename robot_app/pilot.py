@@ -61,7 +61,7 @@ class Pilot:
         self._blocked_s: float | None = None
         self._seen_scan: tuple[RawScan, ScanGeometry] | None = None
         self._task = Task.NONE
-        self._number = mission.number
+        self._number = self._round_of = mission.number
         mission.explores = True
         self._speed = SpeedController(config.speed)
         self._behaviour = Behaviour.STAND
@@ -136,10 +136,14 @@ class Pilot:
         self._speed.reset()
 
     def _begin(self, behaviour: Behaviour) -> None:
-        was, self._behaviour = self._behaviour, behaviour
+        self._behaviour = behaviour
         if behaviour is not Behaviour.STAND:
             self._avoidance.reset()
-        if behaviour is Behaviour.FOLLOW_WALL and was is not Behaviour.BY_HAND:
+        if behaviour is not Behaviour.FOLLOW_WALL:
+            return
+        self._round.go_on()
+        if self._mission.number != self._round_of:  # a round that was paused, or stopped, goes on
+            self._round_of = self._mission.number
             self._wall.reset()
             self._round.reset()
 

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_app.control.ground.floor_map import FloorMap, FloorMapConfig
-from robot_app.control.ways.ways import Ways, WaysConfig, path_room_m
+from robot_app.control.trail import Trail, TrailConfig
+from robot_app.control.ways.ways import Ways, WaysBuffers, WaysConfig, path_room_m
 from shared.geometry.ackermann import CarGeometry
 from shared.geometry.se2 import Pose2, wrap_angle
 from shared.messages import ScanGeometry
@@ -26,19 +27,16 @@ from shared.messages import ScanGeometry
 class ExplorerConfig:
     floor: FloorMapConfig = field(default_factory=FloorMapConfig)
     ways: WaysConfig = field(default_factory=WaysConfig)
+    trail: TrailConfig = field(default_factory=TrailConfig)
     margin_m: float = 0.045  # planned round the body; the avoidance insists on 3 cm
     least_view_m2: float = 0.05  # a place that shows less unseen floor is not worth going to
     least_yield_m: float = 0.02  # … nor one that shows less for each metre of the way (m² / m)
     way_bonus_m: float = 0.7  # views are weighed by floor shown over the way and this
     place_m: float = 0.25  # places looked at: the best of each square and each of so many headings
     headings: int = 8
+    places: int = 2000  # the nearest so many are looked at first; farther ones where those show nothing
     home_m: float = 0.12  # so near to the start is home
     home_rad: float = 0.5
-    loop_distance_m: float = 4.0  # a loop is closed where the robot was so much of its way before
-    loop_gate_m: float = 0.5
-    loop_gate_rad: float = 0.8
-    trail_step_m: float = 0.03
-    trail_length: int = 2000
     retreat_m: float = 0.5  # back along the way it came, where no other leads on
     least_nodes: int = 60  # fewer poses are no way on
     attempts: int = 6  # without getting anywhere
@@ -79,11 +77,13 @@ class Explorer:
         self._car = car
         self._config = config
         self._floor = FloorMap(car, config.floor)
-        self._trail: deque[tuple[Pose2, float]] = deque(maxlen=config.trail_length)
+        self._trail = Trail(config.trail)
+        self._buffers = WaysBuffers(config.ways)
         self._number = 0
         self._task = Task.NONE
         self.home = Pose2()
         self.things_m: NDArray[np.float64] = np.zeros((0, 2))  # odom frame, what stands near the robot
+        self.seen_m2 = 0.0  # floor that is known to be free
         self.forget()
 
     def forget(self) -> None:
@@ -96,10 +96,6 @@ class Explorer:
         self._anchor: Pose2 | None = None
         self._shunned: deque[Pose2] = deque(maxlen=20)
         self._is_retreat = False
-
-    @property
-    def seen_m2(self) -> float:
-        return self._floor.seen_m2
 
     def clear(self) -> None:
         """A new mission begins: it has seen nothing yet."""
@@ -126,27 +122,17 @@ class Explorer:
         self._geometry, self._beams = geometry, len(ranges_m)
         self._floor.add_scan(ranges_m, geometry, odom_from_robot)
         self.things_m = self._floor.things_m(odom_from_robot, self._config.things_m)
-        last = self._trail[-1][0] if self._trail else None
-        if last is None or last.distance_m(odom_from_robot) >= self._config.trail_step_m:
-            self._trail.append((odom_from_robot, way_m))
+        self.seen_m2 = self._floor.seen_m2
+        self._trail.add(odom_from_robot, way_m)
 
     @property
     def loop_closed(self) -> bool:
         """Whether the robot has been at one place twice, some way apart, so that the map's ends can meet."""
-        config = self._config
-        trail = tuple(self._trail)[::3]
-        at = np.array([(pose.x_m, pose.y_m, pose.theta_rad, way) for pose, way in trail]).reshape(-1, 4)
-        for x, y, theta, way in at:
-            earlier = at[at[:, 3] <= way - config.loop_distance_m]
-            near = np.hypot(earlier[:, 0] - x, earlier[:, 1] - y) < config.loop_gate_m
-            turned = np.abs(np.mod(earlier[:, 2] - theta + math.pi, math.tau) - math.pi) < config.loop_gate_rad
-            if (near & turned).any():
-                return True
-        return False
+        return self._trail.loop_closed
 
     def step(self, odom_from_robot: Pose2, speed_mps: float) -> None:
         """Do what is due for the task."""
-        if self._task is Task.NONE or self.finished or not self._trail:
+        if self._task is Task.NONE or self.finished or not len(self._trail):
             return
         leg, ended = self.leg, self._ended
         if leg is not None and ended is not None and ended.number == leg.number:
@@ -169,22 +155,20 @@ class Explorer:
             return True
         path = leg.path
         rest = path[int(np.argmin(np.hypot(path[:, 0] - pose.x_m, path[:, 1] - pose.y_m))) :]
-        room = self._floor.room_for_body(pose, self._config.margin_m - 0.015)
+        room = self._floor.room_along(np.vstack((pose.as_array(), rest)), self._config.margin_m - 0.015)
         start_room_m = path_room_m(self._car, room, pose.as_array()[None])
         if path_room_m(self._car, room, rest) < min(0.0, start_room_m):
             return False
         if self._task is Task.HOME or self._is_home_leg:
             return True
-        return self._view_m2(path[-1]) >= 0.6 * self._config.least_view_m2
-
-    def _view_m2(self, pose: NDArray[np.float64]) -> float:
-        return self._floor.unseen_m2(Pose2.from_array(pose), self._geometry, self._beams)
+        view_m2 = self._floor.views_m2(path[-1:], self._geometry, self._beams)[0]
+        return bool(view_m2 >= 0.6 * self._config.least_view_m2)
 
     def _plan(self, pose: Pose2, speed_mps: float) -> None:
         self.leg, self._is_retreat, self._is_home_leg = None, False, False
         room = self._floor.room_for_body(pose, self._config.margin_m)
         direction = 0.0 if abs(speed_mps) < 0.05 else math.copysign(1.0, speed_mps)
-        ways = Ways(self._car, self._config.ways, room, pose, direction)
+        ways = Ways(self._car, self._config.ways, room, pose, direction, self._buffers)
         if self._attempts >= self._config.attempts:
             self._finish(done=False)
         elif len(ways) < self._config.least_nodes or self._attempts % 3 == 2:
@@ -195,21 +179,30 @@ class Explorer:
             self._explore(ways, pose)
 
     def _explore(self, ways: Ways, pose: Pose2) -> None:
-        best, best_score = None, 0.0
-        for node in ways.spread(self._config.place_m, self._config.headings).tolist():
-            view_m2 = self._view_m2(ways.poses[node])
-            if view_m2 < self._config.least_view_m2 or self._is_shunned(ways.poses[node]):
-                continue
-            score = view_m2 / (float(ways.costs_m[node]) + self._config.way_bonus_m)
-            if score > max(best_score, self._config.least_yield_m):
-                best, best_score = node, score
+        best = self._best_view(ways)
         if best is not None and best > 0:
             self._go(ways.path_to(best))
-        elif best is None and not self.loop_closed and pose.distance_m(self.home) > self._config.loop_gate_m:
+        elif best is None and not self.loop_closed and pose.distance_m(self.home) > self._config.trail.loop_gate_m:
             self._is_home_leg = True
             self._go_home(ways)
         elif best is None:
             self._finish(done=True)
+
+    def _best_view(self, ways: Ways) -> int | None:
+        """Where the most floor comes into sight for the way."""
+        config, nodes = self._config, ways.spread(self._config.place_m, self._config.headings)
+        for first in range(0, len(nodes), config.places):
+            some = nodes[first : first + config.places]
+            views_m2 = self._floor.views_m2(ways.poses[some], self._geometry, self._beams)
+            scores = np.where(
+                views_m2 >= config.least_view_m2, views_m2 / (ways.costs_m[some] + config.way_bonus_m), 0.0
+            )
+            for k in np.argsort(-scores, kind="stable").tolist():
+                if scores[k] <= config.least_yield_m:
+                    break
+                if not self._is_shunned(ways.poses[some[k]]):
+                    return int(some[k])
+        return None
 
     def _is_shunned(self, pose: NDArray[np.float64]) -> bool:
         return any(
@@ -231,21 +224,13 @@ class Explorer:
 
     def _retreat(self, pose: Pose2) -> None:
         """Back along the way it came, which was free."""
-        back, length_m, last = [pose.as_array()], 0.0, pose
-        for earlier, _ in reversed(self._trail):
-            step_m = last.distance_m(earlier)
-            if step_m < 0.5 * self._config.trail_step_m:
-                continue
-            if step_m > 10 * self._config.trail_step_m or length_m > self._config.retreat_m:
-                break
-            back.append(earlier.as_array())
-            length_m, last = length_m + step_m, earlier
         self._attempts += 1
+        back = self._trail.back(pose, self._config.retreat_m)
         if len(back) < 3:
             self._finish(done=False)
             return
         self._is_retreat = True
-        self._go(np.array(back))
+        self._go(back)
 
     def _go(self, path: NDArray[np.float64]) -> None:
         self._number += 1

@@ -39,6 +39,7 @@ class AvoidanceConfig:
     stuck_free_m: float = 0.08  # shorter ways on are not worth it to a wish that may reverse instead
     creep_mps: float = 0.03  # stands within a centimetre
     reverse_mps: float = 0.18
+    stopping_mps2: float = 0.25  # towards the end of a stretch in reverse
     blind_mps: float = 0.06  # into ground that nobody has seen
     blind_m: float = 0.15  # no farther at once than this
     standing_mps: float = 0.02
@@ -210,17 +211,19 @@ class ObstacleAvoidance:
             return Avoided(STAND_STILL, AvoidanceState.REVERSING, 0.0, 0.0)
         if m.phase in {_Phase.STOP, _Phase.TURN_WHEELS}:
             return self._settle(now_s, pose, speed_mps, m)
-        forward = m.phase is _Phase.GO_ON
+        forward, config = m.phase is _Phase.GO_ON, self._config
         steering = m.turning.forward_rad if forward else m.turning.reverse_rad
         length = 0.5 * m.turning.forward_m if forward else m.turning.reverse_m
         among = footprint if forward or self._blind else self._cautious
         sweep = among.sweep(steering, steering, forward, 0.4)
         left = length - pose.distance_m(m.begin)
-        if left <= 0.01 or sweep.free_m < self._config.sweep.step_m:
+        if left <= 0.01 or sweep.free_m < config.sweep.step_m:
             self._next_phase(now_s, pose, m)
             return Avoided(Motion(0.0, steering), AvoidanceState.REVERSING, sweep.free_m, sweep.clearance_m)
-        fastest = self._config.blind_mps if self._blind else self._config.reverse_mps
-        speed = min(fastest, self._safe_speed_mps(sweep), 0.04 + 1.5 * left)
+        fastest = config.blind_mps if self._blind and not forward else config.reverse_mps
+        speed = min(fastest, self._safe_speed_mps(sweep))
+        if not forward:  # forward it goes on beyond the stretch
+            speed = min(speed, config.creep_mps + math.sqrt(2 * config.stopping_mps2 * left))
         motion = Motion(speed if forward else -speed, steering)
         return Avoided(motion, AvoidanceState.REVERSING, sweep.free_m, sweep.clearance_m)
 

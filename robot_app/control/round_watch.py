@@ -12,7 +12,7 @@ from shared.geometry.se2 import Pose2
 class RoundConfig:
     blocked_s: float = 2.0  # without a way on
     away_m: float = 0.6  # getting somewhere
-    patience_s: float = 20.0  # without getting there
+    patience_s: float = 12.0  # without getting there: a plan finds a way out sooner than trying does
     way_m: float = 6.0  # driven …
     growth_m2: float = 0.05  # … without seeing more new floor than this
 
@@ -25,9 +25,13 @@ class RoundWatch:
         self.reset()
 
     def reset(self) -> None:
+        self.go_on()
+        self._seen: deque[tuple[float, float]] = deque(maxlen=400)  # metres driven, floor seen
+
+    def go_on(self) -> None:
+        """After a pause, which does not count as time without getting anywhere."""
         self._free_s: float | None = None
         self._anchor: tuple[Pose2, float] | None = None
-        self._seen: deque[tuple[float, float]] = deque(maxlen=400)  # metres driven, floor seen
 
     def is_over(
         self, now_s: float, odom_from_robot: Pose2, distance_m: float, is_blocked: bool, seen_m2: float

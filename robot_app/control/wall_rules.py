@@ -28,7 +28,7 @@ class WallRulesConfig:
     angle_rad: tuple[float, ...] = (-0.8, -0.32, 0.0, 0.32, 0.8)  # right, bit_right, ahead, bit_left, left
     offset_m: tuple[float, ...] = (-0.25, -0.08, 0.0, 0.08, 0.25)  # right, bit_right, on_it, bit_left, left
     steer: tuple[float, ...] = (-1.0, -0.55, -0.25, 0.0, 0.25, 0.55, 1.0)  # RR, R, r, o, l, L, LL
-    clearance_m: tuple[float, ...] = (0.08, 0.25, 0.55, 0.9)  # none, little, some, much
+    clearance_m: tuple[float, ...] = (0.06, 0.18, 0.42, 0.8)  # none, little, some, much
     turn: tuple[float, ...] = (0.1, 0.5, 1.0)  # straight, bend, sharp
     need: tuple[float, ...] = (0.7, 0.9, 1.1)  # none, soon, now
     away: tuple[float, ...] = (0.0, 0.5, 1.0)  # none, half, full

@@ -134,6 +134,40 @@ def unseen_in_sight(
 
 
 @njit(nogil=True, cache=True)
+def views(
+    evidence: Bytes,
+    tries: Counts,
+    most_tries: int,
+    marks: Marks,
+    mark: int,
+    low_m: float,
+    cell_m: float,
+    scanners: Floats,
+    first_rad: float,
+    step_rad: float,
+    beams: int,
+    reach_m: float,
+    found: NDArray[np.int64],
+) -> None:
+    """`unseen_in_sight` from each of `scanners` (M, 3) into `found` (M,), with marks from `mark` on."""
+    for k in range(len(scanners)):
+        found[k] = unseen_in_sight(
+            evidence,
+            tries,
+            most_tries,
+            marks,
+            mark + k,
+            low_m,
+            cell_m,
+            scanners[k],
+            first_rad,
+            step_rad,
+            beams,
+            reach_m,
+        )
+
+
+@njit(nogil=True, cache=True)
 def count_tries(evidence: Bytes, tries: Counts, marks: Marks, mark: int, box: NDArray[np.int64]) -> None:
     """What should have been seen, as `marks` say, and still was not, within rows and columns of `box` (4,)."""
     for i in range(box[0], box[1]):

@@ -14,6 +14,9 @@ from shared.geometry.ackermann import CarGeometry
 from shared.geometry.se2 import Pose2
 from shared.messages import ScanGeometry
 
+_EVERY = 2  # beams of an imagined scan
+_NEAR_M = 0.5  # what is farther from a path than the body reaches does not matter
+
 
 @dataclass(frozen=True, slots=True)
 class FloorMapConfig:
@@ -71,8 +74,21 @@ class FloorMap:
         scanner = (odom_from_robot @ geometry.robot_from_scanner).as_array()
         config = self._config
         self._widen(scanner)
-        mark = self._new_mark()
-        self._unseen(scanner, geometry, len(ranges), 1, config.look_m)
+        mark = self._new_marks(1)
+        _kernels.unseen_in_sight(
+            self._evidence,
+            self._tries,
+            config.most_tries,
+            self._marks,
+            mark,
+            self._low_m,
+            config.cell_m,
+            scanner,
+            geometry.first_angle_rad,
+            geometry.step_rad,
+            len(ranges),
+            config.look_m,
+        )
         _kernels.take_scan(
             self._evidence,
             self._low_m,
@@ -98,15 +114,41 @@ class FloorMap:
         middles = np.column_stack((columns + first_column, rows + first_row)) + 0.5
         return np.asarray(middles * cells + self._low_m, np.float64)
 
-    def unseen_m2(self, odom_from_robot: Pose2, geometry: ScanGeometry, beams: int) -> float:
-        """How much floor that was never seen a scan from this pose would show."""
-        self._new_mark()
-        scanner = (odom_from_robot @ geometry.robot_from_scanner).as_array()
-        return self._unseen(scanner, geometry, beams, 2, self._config.look_m) * self._config.cell_m**2
+    def views_m2(self, poses: NDArray[np.float64], geometry: ScanGeometry, beams: int) -> NDArray[np.float64]:
+        """(M,): how much floor that was never seen a scan from each of `poses` (M, 3) would show."""
+        scanner = geometry.robot_from_scanner
+        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        x = poses[:, 0] + c * scanner.x_m - s * scanner.y_m
+        y = poses[:, 1] + s * scanner.x_m + c * scanner.y_m
+        found = np.empty(len(poses), np.int64)
+        _kernels.views(
+            self._evidence,
+            self._tries,
+            self._config.most_tries,
+            self._marks,
+            self._new_marks(len(poses)),
+            self._low_m,
+            self._config.cell_m,
+            np.column_stack((x, y, poses[:, 2] + scanner.theta_rad)),
+            geometry.first_angle_rad,
+            geometry.step_rad * _EVERY,
+            beams // _EVERY,
+            self._config.look_m,
+            found,
+        )
+        return np.asarray(found * self._config.cell_m**2, np.float64)
 
     def room_for_body(self, odom_from_robot: Pose2, margin_m: float) -> BodyRoom:
         """Round the robot, or in all that is known where that is not much."""
-        box = self._window(odom_from_robot)
+        return self._room(self._window(odom_from_robot), margin_m)
+
+    def room_along(self, path: NDArray[np.float64], margin_m: float) -> BodyRoom:
+        """Near `path`, (N, 3)."""
+        at = (path[:, [1, 0]] - self._low_m) / self._config.cell_m
+        near = _NEAR_M / self._config.cell_m
+        return self._room(self._clipped(np.floor(at.min(axis=0) - near), np.ceil(at.max(axis=0) + near)), margin_m)
+
+    def _room(self, box: NDArray[np.int64], margin_m: float) -> BodyRoom:
         shape = (int(box[1] - box[0]), int(box[3] - box[2]))
         room_m = np.empty(shape)
         _kernels.room_for_body(self._evidence, box, self._config.cell_m, margin_m, room_m, np.empty(shape))
@@ -124,32 +166,13 @@ class FloorMap:
     def _columns(self) -> slice:
         return slice(int(self._box[2]), max(int(self._box[2]), int(self._box[3])))
 
-    def _unseen(
-        self, scanner: NDArray[np.float64], geometry: ScanGeometry, beams: int, every: int, reach_m: float
-    ) -> int:
-        return int(
-            _kernels.unseen_in_sight(
-                self._evidence,
-                self._tries,
-                self._config.most_tries,
-                self._marks,
-                self._mark,
-                self._low_m,
-                self._config.cell_m,
-                scanner,
-                geometry.first_angle_rad,
-                geometry.step_rad * every,
-                beams // every,
-                reach_m,
-            )
-        )
-
-    def _new_mark(self) -> int:
-        if self._mark == np.iinfo(np.uint16).max:
+    def _new_marks(self, count: int) -> int:
+        """The first of so many that no cell bears."""
+        if self._mark + count > np.iinfo(np.uint16).max:
             self._marks[self._rows, self._columns] = 0
             self._mark = 0
-        self._mark += 1
-        return self._mark
+        self._mark += count
+        return self._mark - count + 1
 
     def _widen(self, scanner: NDArray[np.float64]) -> None:
         """The scan's square belongs to what may be known."""
@@ -162,15 +185,24 @@ class FloorMap:
 
     def _window(self, pose: Pose2) -> NDArray[np.int64]:
         """Rows and columns with a cell of border round what is known."""
-        config, cells = self._config, len(self._evidence)
-        known = np.argwhere(self._evidence[self._rows, self._columns] != 0)
-        if not len(known):
+        config = self._config
+        known = self._evidence[self._rows, self._columns] != 0
+        rows, columns = (np.flatnonzero(known.any(axis=axis)) for axis in (1, 0))
+        if not len(rows):
             return np.array([0, 2, 0, 2], np.int64)
-        known += self._box[[0, 2]]
-        low, high = known.min(axis=0) - 1, known.max(axis=0) + 2
+        low = self._box[[0, 2]] + (rows[0] - 1, columns[0] - 1)
+        high = self._box[[0, 2]] + (rows[-1] + 2, columns[-1] + 2)
         if (high - low).prod() * config.cell_m**2 > config.whole_m2:
             at = np.floor((np.array([pose.y_m, pose.x_m]) - self._low_m) / config.cell_m)
             reach = config.window_m / config.cell_m
             low, high = np.maximum(low, at - reach), np.minimum(high, at + reach)
-        low, high = np.clip(low, 0, cells - 2), np.clip(high, 2, cells)
+        return self._clipped(low, high)
+
+    def _clipped(
+        self, low: NDArray[np.floating | np.int64], high: NDArray[np.floating | np.int64]
+    ) -> NDArray[np.int64]:
+        """Rows and columns from row and column `low` to `high`, two at least, within the map."""
+        cells = len(self._evidence)
+        low = np.clip(low, 0, cells - 2)
+        high = np.clip(high, low + 2, cells)
         return np.array([low[0], high[0], low[1], high[1]], np.int64)

@@ -99,8 +99,9 @@ def find_ways(
 
     Ten moves: five steerings of up to `curvature`, forward and in reverse. `costs` (4,): of a metre in reverse, of a
     change of direction, of a full change of steering, and of a metre where the body has less than 0.1 m of room (in
-    part). `best` (states): infinite. Near the start the body may have as little room as it has there. Returns how
-    many nodes there are; the last move is 0 to 4 forward, right to left, 5 to 9 in reverse, -1 at the start.
+    part). `best` (states or more): room to work in. Near the start the body may have as little room as it has there.
+    Returns how many nodes there are; the last move is 0 to 4 forward, right to left, 5 to 9 in reverse, -1 at the
+    start.
     """
     rows = int(room_m.shape[0] * frame[2] / cell_m) + 1
     columns = int(room_m.shape[1] * frame[2] / cell_m) + 1
@@ -108,17 +109,19 @@ def find_ways(
     nodes[0, 0], nodes[0, 1], nodes[0, 2], nodes[0, 3], nodes[0, 4] = start[0], start[1], start[2], 0.0, -1.0
     parents[0] = -1
     count = 1
+    best[: rows * columns * headings] = np.inf
+    state = _state(start[0], start[1], start[2], frame, cell_m, headings, rows, columns)
+    if state >= 0:
+        best[state] = 0.0
     size = _push(keys, items, 0, 0.0, 0)
-    done = np.zeros(len(best), np.bool_)
     while size > 0:
         size = _pop(keys, items, size)
         here = items[size]
         x0, y0, t0 = nodes[here, 0], nodes[here, 1], nodes[here, 2]
         spent, last = nodes[here, 3], nodes[here, 4]
         state = _state(x0, y0, t0, frame, cell_m, headings, rows, columns)
-        if state < 0 or done[state]:
+        if state < 0 or spent > best[state]:  # a cheaper way here was found since
             continue
-        done[state] = True
         for move in range(10):
             forward = move < 5
             bend = curvature * 0.5 * (move % 5 - 2)
@@ -142,7 +145,7 @@ def find_ways(
                 cost += costs[1]
             if last >= 0.0:
                 cost += costs[2] * abs(last % 5.0 - move % 5) / 4.0
-            total = spent + cost
+            total = float(np.float32(spent + cost))  # as `best` holds it
             state = _state(x, y, t, frame, cell_m, headings, rows, columns)
             if state < 0 or total >= best[state] or count >= len(nodes) or size >= len(keys):
                 continue

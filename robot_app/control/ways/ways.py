@@ -37,15 +37,39 @@ def body_discs(car: CarGeometry) -> NDArray[np.float64]:
     return np.array([math.hypot(part / 2, car.width_m / 2), *centres])
 
 
-class Ways:
-    """Of the car from one pose."""
+class WaysBuffers:
+    """What a search works in, kept between searches: where memory is locked, getting it anew holds everyone up."""
 
-    def __init__(self, car: CarGeometry, config: WaysConfig, room: BodyRoom, start: Pose2, direction: float) -> None:
+    def __init__(self, config: WaysConfig) -> None:
+        most = config.most_nodes
+        self.nodes, self.parents = np.empty((most, 5)), np.empty(most, np.int64)
+        self.keys, self.items = np.empty(most), np.empty(most, np.int64)
+        self.best = np.empty(2**20, np.float32)
+
+    def widen(self, states: int) -> None:
+        """There are as many states as the window has; it is bounded by the floor map."""
+        if states > len(self.best):
+            self.best = np.empty(2 ** math.ceil(math.log2(states)), np.float32)
+
+
+class Ways:
+    """Of the car from one pose; good until the buffers are used again."""
+
+    def __init__(
+        self,
+        car: CarGeometry,
+        config: WaysConfig,
+        room: BodyRoom,
+        start: Pose2,
+        direction: float,
+        buffers: WaysBuffers,
+    ) -> None:
         """`direction`: in which the car moves now; 0 where it stands."""
         self._config = config
         rows, columns = (int(cells * float(room.frame[2]) / config.cell_m) + 1 for cells in room.room_m.shape)
         self._curvature = 1.0 / (car.min_turning_radius_m * config.turning_reserve)
-        nodes, parents = np.empty((config.most_nodes, 5)), np.empty(config.most_nodes, np.int64)
+        buffers.widen(rows * columns * config.headings)
+        nodes, parents = buffers.nodes, buffers.parents
         count = _kernels.find_ways(
             room.room_m,
             room.frame,
@@ -56,11 +80,11 @@ class Ways:
             config.cell_m,
             config.headings,
             np.array([config.reverse_cost, config.cusp_cost_m, config.steering_cost_m, config.tight_cost]),
-            np.full(rows * columns * config.headings, np.inf, np.float32),
+            buffers.best,
             nodes,
             parents,
-            np.empty(config.most_nodes),
-            np.empty(config.most_nodes, np.int64),
+            buffers.keys,
+            buffers.items,
         )
         self.poses = nodes[:count, :3]
         self.costs_m = nodes[:count, 3]
@@ -71,7 +95,7 @@ class Ways:
         return len(self.poses)
 
     def spread(self, place_m: float, headings: int) -> NDArray[np.int64]:
-        """One node, the cheapest, for each square of `place_m` and each of so many headings."""
+        """One node, the cheapest, for each square of `place_m` and each of so many headings; the cheapest first."""
         turn = np.floor(np.mod(self.poses[:, 2], math.tau) / math.tau * headings)
         keys = np.column_stack((np.floor(self.poses[:, :2] / place_m), turn)).astype(np.int64)
         keys -= keys.min(axis=0)
@@ -79,7 +103,7 @@ class Ways:
         flat = (keys[:, 0] * sizes[1] + keys[:, 1]) * sizes[2] + keys[:, 2]
         order = np.argsort(self.costs_m, kind="stable")
         _, first = np.unique(flat[order], return_index=True)
-        return order[first]
+        return order[np.sort(first)]
 
     def nearest_to(self, pose: Pose2, reach_m: float, turn_rad: float) -> int | None:
         """The cheapest node within reach of a pose, turned no further from it than that."""

@@ -18,7 +18,7 @@ def test_a_round_that_is_blocked_for_two_seconds_is_over() -> None:
 def test_a_round_that_gets_nowhere_is_over() -> None:
     watch = RoundWatch(RoundConfig())
     told = [watch.is_over(k, Pose2(0.1 * (k % 2), 0.0, 0.0), 0.1 * k, False, 0.1 * k) for k in range(25)]
-    assert told.index(True) == 21
+    assert told.index(True) == 13
 
 
 def test_a_round_that_sees_nothing_new_is_over_after_six_metres() -> None:
