@@ -137,6 +137,7 @@ class LoopConfig:
     through_margin_ratio: float = 0.02
     view_every: int = 3  # of a place's scans, those that tell which space is free
     max_refinement_m: float = 0.5  # what least squares may still move after the search
+    better_share: float = 0.15  # by which a place that was searched for has to fit better than the estimate does
     max_branches: int = 20_000
     cached_places: int = 8
     max_place_surfels: int = 20_000

@@ -79,12 +79,13 @@ class LoopCloser:
         self.share.take(_QUERY_UNITS)
         if len(query.points_m) < config.min_query_points:
             return None
-        guess = between(graph.poses[candidate.old], graph.poses[candidate.new])
+        estimate = between(graph.poses[candidate.old], graph.poses[candidate.new])
+        found = estimate
         if place.pyramid is not None and candidate.shift_m > 0:
             search = Search(
                 self._verifier.thinned(query),
                 place.pyramid,
-                guess,
+                estimate,
                 candidate.shift_m,
                 config.search_turn_rad,
                 self._verifier.min_score(candidate),
@@ -93,8 +94,9 @@ class LoopCloser:
             yield from search.run(self.share)
             if search.found is None:
                 return None
-            guess = search.found.pose
-        return (yield from self._verifier.verified(candidate, query, guess, place.local_map, place.views, self.share))
+            found = search.found.pose
+        verified = self._verifier.verified(candidate, query, estimate, found, place.local_map, place.views, self.share)
+        return (yield from verified)
 
     def _query(self, graph: PoseGraph, by_node: list[list[Keyframe]], node: int) -> LineScan:
         """Scans of the node and its neighbours in its own frame."""

@@ -85,14 +85,14 @@ class LoopFinder:
         if len(query.points_m) < self._config.min_query_points:
             return None
         poses = way.path[way.course.first_steps[[job.old, job.new]]]
-        guess = between(poses[0], poses[1])
+        estimate = between(poses[0], poses[1])
         views = self._draw_place(way, job.old)
-        if job.shift_m > 0.0:
-            found = self._search(query, guess, job)
-            if found is None:
-                return None
-            guess = found
-        closure = result_at_once(lambda share: self._verifier.verified(job, query, guess, self._place, views, share))
+        found = self._search(query, estimate, job) if job.shift_m > 0.0 else estimate
+        if found is None:
+            return None
+        closure = result_at_once(
+            lambda share: self._verifier.verified(job, query, estimate, found, self._place, views, share)
+        )
         if closure is None:
             return None
         held = without_weak_direction(closure.information, self._config.weak_share)

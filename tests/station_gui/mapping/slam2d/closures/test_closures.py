@@ -41,15 +41,22 @@ _RIGHT, _FRONT = _wall((-2.0, -1.0), (2.0, -1.0)), _wall((2.0, -1.0), (2.0, 2.0)
 _UNKNOWN = _wall((-2.0, 2.0), (-2.0, -1.0), 90)  # where the place was not looked at
 
 
-def _verified(pair: Candidate, place: LineScan, query: LineScan, config: LoopConfig | None = None) -> Closure | None:
-    """The query begins 5 cm and half a degree beside where it is."""
+def _verified(
+    pair: Candidate,
+    place: LineScan,
+    query: LineScan,
+    config: LoopConfig | None = None,
+    ahead_m: float = 0.0,
+) -> Closure | None:
+    """A search has put the query 5 cm and half a degree beside where it is; the estimate is `ahead_m` from there."""
     matcher = ScanMatcher(MatchConfig(), _REACH_CELLS, _CELL_M)
     local_map = LocalMap(12.0, _CELL_M, _REACH_CELLS, 5000, 100.0)
     local_map.insert(place.points_m, place.normals, np.zeros(3))
     verifier = Verifier(config or LoopConfig(), matcher)
     views = [View(np.zeros(3), _keyframe(place))]
     guess = np.array([0.05, -0.03, math.radians(0.5)])
-    return result_at_once(lambda share: verifier.verified(pair, query, guess, local_map, views, share))
+    estimate = guess + np.array([ahead_m, 0.0, 0.0])
+    return result_at_once(lambda share: verifier.verified(pair, query, estimate, guess, local_map, views, share))
 
 
 def test_what_is_known_for_the_most_part_is_a_whole_view() -> None:
@@ -68,6 +75,22 @@ def test_few_known_points_do_where_they_hold_the_robot_and_none_stands_in_free_s
     firm = _verified(_NEAR, _scan(_RIGHT, _FRONT), query)
     assert firm is not None
     assert not firm.partial
+
+
+def test_where_a_corridor_fits_as_well_at_the_estimate_nothing_says_how_far_along_it_is() -> None:
+    corridor = _scan(_wall((-5.0, -1.0), (5.0, -1.0)), _wall((5.0, 1.0), (-5.0, 1.0)))
+    closure = _verified(Candidate(0, 20, 3.0), corridor, _scan(_RIGHT, _wall((2.0, 1.0), (-2.0, 1.0))), ahead_m=1.5)
+    assert closure is not None
+    np.testing.assert_allclose(closure.measured, (1.55, 0.0, 0.0), atol=0.06)
+    along, across = closure.information[0, 0], closure.information[1, 1]
+    assert along < 1.0 / 1.0**2  # a metre of uncertainty and more
+    assert across > 1.0 / 0.01**2
+
+
+def test_a_place_that_fits_better_than_the_estimate_is_found() -> None:
+    closure = _verified(Candidate(0, 20, 3.0), _scan(_RIGHT, _FRONT), _scan(_RIGHT, _FRONT), ahead_m=1.5)
+    assert closure is not None
+    np.testing.assert_allclose(closure.measured, 0.0, atol=5e-3)
 
 
 def test_a_partial_view_along_one_wall_does_not_say_how_far_along_it_is() -> None:
