@@ -161,12 +161,15 @@ class ReplayWindow:
         near = [first, first - span, first + span, first - 2 * span, first + 2 * span, first + 3 * span]
         return (n for n in near if n >= 0 and self._is_new(n))
 
-    def add(self, counter: int) -> None:
-        if counter >= self._next:
+    def add(self, counter: int) -> bool:
+        """Whether a later one came before."""
+        is_late = counter < self._next
+        if is_late:
+            self._seen |= 1 << (self._next - 1 - counter)
+        else:
             self._seen = (self._seen << (counter + 1 - self._next) | 1) & (1 << BEHIND) - 1
             self._next = counter + 1
-        else:
-            self._seen |= 1 << (self._next - 1 - counter)
+        return is_late
 
     def _is_new(self, counter: int) -> bool:
         behind = self._next - 1 - counter

@@ -46,6 +46,7 @@ class Heard:
     fates: tuple[Fate, ...] = ()
     answer: bytes | None = None
     is_new_session: bool = False
+    is_late: bool = False  # it was overtaken by one that was made after it; what it says of what has come is old
 
 
 @dataclass(slots=True)
@@ -170,21 +171,23 @@ class Conversation:
                 return counter, body
         return None
 
-    def _understand(self, packet: bytes, opened: tuple[int, bytes], is_new_session: bool = False) -> Heard:
+    def _understand(self, packet: bytes, opened: tuple[int, bytes], is_new_session: bool = False) -> Heard | None:
+        """None for a segment that was there before: anybody could have played it again."""
         kind, turn, _ = read_head(packet[0])
         counter, body = opened
         fates: list[Fate] = []
+        is_data, is_late = kind is Kind.DATA, False
         try:
-            if kind is Kind.DATA:
-                self.lanes.take_segment(Lane.BULK, counter, body)
+            if is_data:
+                if not self.lanes.take_segment(Lane.BULK, counter, body):
+                    return None
             else:
-                self._replay.add(counter)
-                fates = self.lanes.take_items(body)
+                is_late = self._replay.add(counter)
+                fates = self.lanes.take_items(body, is_late)
         except StreamError as error:
             _log.error("the stream of the other side makes no sense: %s", error)
             self.statistics.stream_errors += 1
             self._session = None
             self.lanes.reset()
             self._greeter.begin_anew()
-        is_data = kind is Kind.DATA
-        return Heard(turn and not is_data, turn and is_data, tuple(fates), is_new_session=is_new_session)
+        return Heard(turn and not is_data, turn and is_data, tuple(fates), None, is_new_session, is_late)

@@ -12,7 +12,7 @@ from shared.protocol.fragment import Assembler, Cutter
 
 _MOST_DELIVERED = 256  # not fetched; then segments are turned away, and sent again
 _SMALLEST_CUT_BYTES = 8  # of a new segment at the end of a packet that has other things in it
-_NOW_OUTSTANDING = 8  # of 32 identifiers
+_NOW_OUTSTANDING = 8  # from the oldest one on, of 32 identifiers
 _NOW_REMEMBERED = 16
 _TELL = 2  # times, because an answer may come although the question was not heard
 _NOW_SENDINGS = 2  # at once, one on each radio, before anybody could have answered
@@ -95,9 +95,9 @@ class _Stream:
         return Load(self.lane, segment.seq, segment.sendings)
 
     def expand(self, low: int) -> int:
-        """The sequence number with this lowest byte that is nearest to what is expected."""
+        """The sequence number with these lowest bits that is nearest to what is expected."""
         first = self.receiver.base - BEHIND
-        return first + ((low - first) & 0xFF)
+        return first + ((low - first) & i.SEQ_MASK)
 
     def take(self, seq: int, data: bytes) -> list[bytes]:
         """What can now be read on."""
@@ -131,6 +131,7 @@ class LaneStatistics:
     sent_segments: int = 0
     turned_away: int = 0
     malformed: int = 0
+    late_packets: int = 0
 
 
 class Lanes:
@@ -174,7 +175,8 @@ class Lanes:
         return True
 
     def _queue_now(self, datagram: bytes) -> bool:
-        if len(self._now) >= _NOW_OUTSTANDING:
+        oldest = next(iter(self._now), self._next_now)
+        if (self._next_now - oldest) % i.NUMBERS >= _NOW_OUTSTANDING:
             return False
         self._now[self._next_now] = _Now(datagram)
         self._next_now = (self._next_now + 1) % i.NUMBERS
@@ -231,7 +233,7 @@ class Lanes:
         segment = self.bulk.next_segment(most_bytes - len(body) - i.BULK_HEAD_BYTES, _SMALLEST_CUT_BYTES)
         if segment is not None:
             loads.append(self._send(self.bulk, segment, path))
-            body += i.write(i.SegmentItem(Lane.BULK, segment.seq & 0xFF, segment.data))
+            body += i.write(i.SegmentItem(Lane.BULK, segment.seq & i.SEQ_MASK, segment.data))
         return Filled(None, bytes(body), tuple(loads))
 
     def _add_news(self, body: bytearray, most_bytes: int) -> None:
@@ -267,7 +269,7 @@ class Lanes:
             if segment is None:
                 return
             loads.append(self._send(self.commands, segment, path))
-            body += i.write(i.SegmentItem(Lane.COMMAND, segment.seq & 0xFF, segment.data))
+            body += i.write(i.SegmentItem(Lane.COMMAND, segment.seq & i.SEQ_MASK, segment.data))
 
     def _send(self, stream: _Stream, segment: Segment, path: int) -> Load:
         self.statistics.sent_segments += 1
@@ -301,26 +303,32 @@ class Lanes:
 
     # ---- what has come
 
-    def take_segment(self, lane: Lane, seq: int, data: bytes) -> None:
-        """Raises `StreamError` when the stream makes no sense."""
+    def take_segment(self, lane: Lane, seq: int, data: bytes) -> bool:
+        """Whether it was not there before. Raises `StreamError` when the stream makes no sense."""
         stream = self._streams[lane]
         if len(self.delivered) >= _MOST_DELIVERED:
             self.statistics.turned_away += 1
-            return
+            return True
         before = stream.receiver.duplicates
         for segment in stream.take(seq, data):
             self.statistics.read_segments += 1
             for datagram in stream.assembler.feed(segment):
                 self._deliver(datagram)
-        self.statistics.duplicates += stream.receiver.duplicates - before
+        duplicates = stream.receiver.duplicates - before
+        self.statistics.duplicates += duplicates
+        return not duplicates
 
-    def take_items(self, body: bytes) -> list[Fate]:
-        """Raises `StreamError` when a stream makes no sense."""
+    def take_items(self, body: bytes, is_late: bool = False) -> list[Fate]:
+        """`is_late`: a packet that was made after this one came before. Numbers that begin again soon would be taken
+        for others if they came much later: of such a packet only segments count, and everything else is said again,
+        or was replaced. Raises `StreamError` when a stream makes no sense."""
         found, good = i.read(body)
         self.statistics.malformed += not good
+        self.statistics.late_packets += is_late
         fates: list[Fate] = []
         for item in found:
-            fates += self._take_item(item)
+            if not is_late or isinstance(item, i.SegmentItem):
+                fates += self._take_item(item)
         return fates
 
     def _take_item(self, item: i.Item) -> list[Fate]:

@@ -201,13 +201,13 @@ class AskingTurns:
             state.deadline_s = now_s + self._timing.pause_s + self._timing.answer_timeout_s
             return True
         self.statistics.round_trip_s = now_s - state.question_sent_s
-        if not heard.is_new_session:
+        if not heard.is_new_session and not heard.is_late:
             self._conversation.lanes.told()
             self._count(self._conversation.lanes.settle(state.question_sent_s - _SERIAL_JITTER_S), now_s)
         self._station_has_more = state.answers >= self._config.most_answers
         state.question, state.deadline_s = None, math.inf
         state.not_before_s = now_s + self._timing.answer_delay_s(len(data))
-        self._answered_s = now_s
+        self._answered_s = -math.inf if heard.is_new_session else now_s  # what has come meanwhile is asked at once
         return True
 
     def _count(self, fates: tuple[Fate, ...] | list[Fate], now_s: float) -> None:
@@ -324,7 +324,7 @@ class AnsweringTurns:
 
     def _begin_turn(self, state: _Answering, heard: Heard, heard_bytes: int, now_s: float) -> None:
         self.statistics.turns += 1
-        if heard.answer is None:
+        if heard.answer is None and not heard.is_late:
             self._conversation.lanes.settle(now_s)
         state.answer = heard.answer
         state.packets_left = self._config.most_answers

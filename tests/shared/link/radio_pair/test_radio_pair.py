@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from shared.link.base import Lane, LinkError
+from shared.link.radio_pair import items
 from shared.link.radio_pair.config import PairConfig
+from shared.link.radio_pair.lanes import Lanes
 from shared.link.radio_pair.link import RadioPair
 from shared.protocol.auth import Kind, read_head
 from tools.simulator.radio.loss import Bursts, Independent, LossModel
@@ -274,6 +276,96 @@ def test_packets_played_again_are_refused() -> None:
         assert not hear(0, data, rig.clock.now_s())
     assert rig.robot.receive(0.0) is None
     assert rig.robot.statistics.security.refused_packets == len(played)
+
+
+def test_questions_that_somebody_kept_from_coming_and_plays_later_harm_nothing() -> None:
+    rig = connected()
+    traffic = Traffic(rig)
+    rig.run(2.0)
+    turns, kept = rig.station._turns, list[tuple[int, bytes]]()
+    hear = turns.heard
+
+    def heard(radio: int, data: bytes, now_s: float) -> bool:
+        if read_head(data[0])[0] is not Kind.ITEMS:
+            return hear(radio, data, now_s)
+        kept.append((radio, data))
+        return False
+
+    turns.heard = heard  # type: ignore[method-assign]
+    rig.run(8.0)  # announced questions are answered: more than half of what a byte can count goes by
+    turns.heard = hear  # type: ignore[method-assign]
+    for radio, data in kept:
+        hear(radio, data, rig.clock.now_s())
+    rig.run(10.0)
+    traffic.finish()
+    assert len(kept) > 5
+    assert rig.station.statistics.security.stream_errors == 0
+
+
+def test_an_announced_question_that_is_played_again_makes_nobody_speak() -> None:
+    rig = connected()
+    traffic = Traffic(rig)
+    announced: list[tuple[int, bytes]] = []
+    turns = rig.station._turns
+    hear = turns.heard
+
+    def heard(radio: int, data: bytes, now_s: float) -> bool:
+        kind, turn, _ = read_head(data[0])
+        if kind is Kind.DATA and turn:
+            announced.append((radio, data))
+        return hear(radio, data, now_s)
+
+    turns.heard = heard  # type: ignore[method-assign]
+    rig.run(4.0)
+    traffic.finish()
+    assert announced
+    for radio, data in announced:
+        assert not hear(radio, data, rig.clock.now_s())
+        assert turns.due_s(radio, rig.clock.now_s()) == np.inf
+
+
+def test_what_was_overtaken_is_not_the_newest() -> None:
+    lanes, other = Lanes(2_048, 65_000), Lanes(2_048, 65_000)
+    packets: list[bytes] = []
+    for value in b"ab":
+        lanes.queue(bytes((value,)), Lane.NEWEST, 1)
+        lanes.queue(bytes((value,)), Lane.COMMAND, 0)
+        filled = lanes.fill(45, 0, report=False)
+        assert filled is not None
+        packets.append(filled.body)
+    other.take_items(packets[1])
+    other.take_items(packets[0], is_late=True)
+    assert list(other.delivered) == [b"b", b"a", b"b"]  # the newest; then the orders, of which none is missing
+
+
+def test_a_stop_that_is_not_confirmed_keeps_its_name() -> None:
+    lanes, other = Lanes(2_048, 65_000), Lanes(2_048, 65_000)
+    assert lanes.queue(b"first", Lane.NOW, 0)
+    taken_count = 1
+    for _ in range(60):
+        taken_count += lanes.queue(b"more", Lane.NOW, 0)
+        for identifier in [name for name in lanes._now if name]:  # all but the first are confirmed
+            lanes.take_items(items.write(items.NowHasCome(identifier)))
+    lanes.settle(0.0)
+    filled = lanes.fill(45, 0, report=False)
+    assert filled is not None
+    other.take_items(filled.body)
+    assert other.delivered[0] == b"first"
+    assert taken_count == 8
+
+
+def test_after_a_greeting_the_station_is_asked_at_once() -> None:
+    rig = connected()
+    Traffic(rig)
+    rig.run(3.0)
+    rig.channel.use_loss(lambda: Independent(1.0))
+    rig.run(4.0)
+    rig.channel.use_loss(Independent)
+    security, turns = rig.robot.statistics.security, rig.robot.statistics.turns
+    sessions = security.sessions
+    assert rig.run(5.0, lambda: security.sessions > sessions)
+    asked = turns.turns
+    assert rig.run(0.3, lambda: turns.turns > asked)  # one that is due comes after 1 s
 
 
 def test_foreign_packets_are_counted_and_change_nothing() -> None:
