@@ -31,8 +31,8 @@ class Fronts:
     """`ends_m`: (F, 2, 2) from above; `heights_m`: (F,), not a number where nothing tells.
 
     `rails`, `posts`: (K, 2), a front and the index of an edge that is of the same object. `outlines_m`: (O, 2, 3) edges
-    of fronts that no camera saw: on the floor, between two upright ones and at a corner of the 2D map; `outline_of`:
-    (O,) the front of each.
+    of fronts that no camera saw: on the floor and at a corner of the 2D map; `outline_of`: (O,) the front of each. The
+    tops of two upright ones are joined by none: of something tall they are where the image ends.
     """
 
     ends_m: FloatArray
@@ -104,7 +104,7 @@ class FrontFinder:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Front:
-    """`rails`, `posts`: the edges on it. `capped`: whether a level edge lies along its top.
+    """`rails`, `posts`: the edges on it.
 
     `corners`: (2,) whether it ends where nothing hides it from the 2D scanner and the level edge ends too.
     """
@@ -113,14 +113,13 @@ class _Front:
     height_m: float
     rails: frozenset[int]
     posts: frozenset[int]
-    capped: bool
     corners: tuple[bool, bool]
 
     def outlines_m(self, posts_m: FloatArray, join_m: float) -> list[FloatArray]:
         """(2, 3) each, the edges that no camera saw."""
         bottom = np.column_stack((self.ends_m, np.zeros(2)))
         top = np.column_stack((self.ends_m, np.full(2, self.height_m)))
-        edges = [bottom] if self.capped else [bottom, top]
+        edges = [bottom]
         for end in range(2):
             beside = np.hypot(*(posts_m[:, 0, :2] - self.ends_m[end]).T)
             if self.corners[end] and not (beside <= join_m).any():
@@ -252,7 +251,6 @@ class _Line:
             height_m,
             frozenset(rail.index for rail in over),
             frozenset(post.index for post in (*left, *right)),
-            len(over) > 0,
             corners,
         )
 
@@ -280,6 +278,5 @@ def _together(a: _Front, b: _Front) -> _Front:
         max(a.height_m, b.height_m),
         a.rails | b.rails,
         a.posts | b.posts,
-        a.capped and b.capped,
         (a.corners[0], b.corners[1]),
     )
