@@ -29,6 +29,7 @@ FRAMES = {
     "blocks of noise": blocks,
     "fine chequers": lambda: np.where((ROW // 16 + COLUMN // 16) % 2, 4000, 9000),
     "coarse chequers": lambda: np.where((ROW // 32 + COLUMN // 32) % 2, 4000, 9000),
+    "chequers of three cells": lambda: np.where((ROW // 12 + COLUMN // 12) % 2, 4000, 9000),
     "stripes": lambda: np.where(COLUMN // 8 % 2, 4000, 9000),
     "holes": lambda: np.where(np.random.default_rng(1).random((480, 640)) < 0.5, 0, 8000),
     "tents": lambda: 4000 + 200 * np.abs(COLUMN % 80 - 40),
