@@ -6,11 +6,14 @@ import argparse
 import sys
 from pathlib import Path
 
-from shared.command_line import Parser, run, set_up_logging
+from shared.command_line import Parser, number_in, run, set_up_logging, whole_number_in
+from shared.link.es920lr.airtime import MAX_PAYLOAD_BYTES
 from shared.link.es920lr.settings import BAUD_RATES, FACTORY_BAUD_RATE
 from tools.radio_config import commands, key, range_commands
 from tools.radio_config.changes import RULES, profile_names
+from tools.radio_config.measure import SHORTEST_PAYLOAD_BYTES
 
+_LONGEST_WAIT_S = 3_600
 _EPILOG = """\
 A PORT is a serial port (/dev/ttyUSB0), or one of the two radios of a transceiver (/dev/ttyACM0:A, /dev/ttyACM0:B).
 A module that operates must be reset to be asked: the transceiver does it, elsewhere you are told when to switch its
@@ -65,12 +68,14 @@ def _parser() -> argparse.ArgumentParser:
     reach = _add(sub, "range-test", range_commands.range_test, "measure strength and loss at each spreading factor")
     _add_ports(reach, "ports", "+")
     _add_test(reach)
-    reach.add_argument("--count", type=int, default=20, help="packets each way (default: 20)")
+    reach.add_argument("--count", type=whole_number_in(1, 10_000), default=20, help="packets each way (default: 20)")
 
     far = _add(sub, "echo", range_commands.echo_command, "be the far end of a range test: answer its packets")
     _add_ports(far, "port", None)
     _add_test(far)
-    far.add_argument("--seconds", type=float, metavar="S", help="end by itself after this time (default: at Ctrl-C)")
+    far.add_argument(
+        "--seconds", type=number_in(0.1, 86_400), metavar="S", help="end by itself after this time (default: at Ctrl-C)"
+    )
 
     air = _add(sub, "airtime", commands.airtime, "estimate airtime, packets a second and goodput; needs no module")
     air.add_argument("assignments", metavar="KEY=VALUE", nargs="*", help="as `show` names them")
@@ -108,7 +113,7 @@ def _add_ports(parser: argparse.ArgumentParser, name: str, count: int | str | No
     )
     parser.add_argument(
         "--wait",
-        type=float,
+        type=number_in(0, _LONGEST_WAIT_S),
         default=30.0,
         metavar="S",
         help="how long to wait for you to switch a module's power off and on (default: 30)",
@@ -118,7 +123,8 @@ def _add_ports(parser: argparse.ArgumentParser, name: str, count: int | str | No
 def _add_test(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sf", help="spreading factors (default: 7,8,9,10,11,12; with an echo the module's own)")
     parser.add_argument("--bandwidth-hz", type=int, help="instead of the first module's")
-    parser.add_argument("--payload", type=int, default=20, help="bytes of a packet (default: 20)")
+    payload = whole_number_in(SHORTEST_PAYLOAD_BYTES, MAX_PAYLOAD_BYTES)
+    parser.add_argument("--payload", type=payload, default=20, help="bytes of a packet (default: 20)")
     parser.add_argument("--carrier-sense", choices=RULES, default="long", help="rule of the band (default: long)")
 
 

@@ -9,12 +9,11 @@ import math
 from typing import Any
 
 from shared.command_line import EXIT_OK, Refused
-from shared.link.es920lr.airtime import MAX_PAYLOAD_BYTES
 from shared.link.es920lr.driver import Es920lr
 from shared.link.es920lr.settings import RadioSettings
 from tools.radio_config import changes, plan
 from tools.radio_config.commands import different, open_bench
-from tools.radio_config.measure import SHORTEST_PAYLOAD_BYTES, Direction, echo, measure, measure_far
+from tools.radio_config.measure import Direction, echo, measure, measure_far
 from tools.radio_config.session import Module, say
 
 _START_S = 5.0
@@ -26,8 +25,6 @@ def range_test(args: argparse.Namespace) -> int:
     names = different(args.ports)
     if len(names) > 2:
         raise Refused("give one port, with `radio-config echo` at the far end, or the two ports of a pair")
-    if not SHORTEST_PAYLOAD_BYTES <= args.payload <= MAX_PAYLOAD_BYTES or args.count < 1:
-        raise Refused(f"--payload is {SHORTEST_PAYLOAD_BYTES} to {MAX_PAYLOAD_BYTES}, --count 1 or more")
     factors = _spreading_factors(args.sf) if args.sf else None
     if not args.json:
         print(_HEAD)
