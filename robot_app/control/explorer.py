@@ -28,6 +28,7 @@ class ExplorerConfig:
     floor: FloorMapConfig = field(default_factory=FloorMapConfig)
     ways: WaysConfig = field(default_factory=WaysConfig)
     trail: TrailConfig = field(default_factory=TrailConfig)
+    coarsest: int = 3  # ways are so many times as coarse where finer ones do not get to all places
     margin_m: float = 0.045  # planned round the body; the avoidance insists on 3 cm
     least_view_m2: float = 0.05  # a place that shows less unseen floor is not worth going to
     least_yield_m: float = 0.02  # … nor one that shows less for each metre of the way (m² / m)
@@ -46,6 +47,8 @@ class ExplorerConfig:
     def __post_init__(self) -> None:
         if not 0.0 < self.least_view_m2 <= 1.0 or not 0.03 <= self.margin_m <= 0.2:
             raise ValueError("least_view_m2 must be from 0 to 1 and margin_m from 0.03 to 0.2")
+        if not 1 <= self.coarsest <= 4:
+            raise ValueError("coarsest must be from 1 to 4")
 
 
 class Task(Enum):
@@ -168,25 +171,33 @@ class Explorer:
         self.leg, self._is_retreat, self._is_home_leg = None, False, False
         room = self._floor.room_for_body(pose, self._config.margin_m)
         direction = 0.0 if abs(speed_mps) < 0.05 else math.copysign(1.0, speed_mps)
-        ways = Ways(self._car, self._config.ways, room, pose, direction, self._buffers)
         if self._attempts >= self._config.attempts:
             self._finish(done=False)
-        elif len(ways) < self._config.least_nodes or self._attempts % 3 == 2:
-            self._retreat(pose)
-        elif self._task is Task.HOME:
-            self._go_home(ways)
+            return
+        for grain in range(1, self._config.coarsest + 1):
+            ways = Ways(self._car, self._config.ways, room, pose, direction, self._buffers, grain)
+            if grain == 1 and (len(ways) < self._config.least_nodes or self._attempts % 3 == 2):
+                self._retreat(pose)
+                return
+            if self._goes_home(ways) if self._task is Task.HOME else self._explores(ways):
+                return
+            if ways.are_all:
+                break
+        if self._task is Task.HOME:
+            self._finish(done=False)
+        elif self.loop_closed or pose.distance_m(self.home) <= self._config.trail.loop_gate_m:
+            self._finish(done=True)
         else:
-            self._explore(ways, pose)
+            self._is_home_leg = True
+            if not self._goes_home(ways):
+                self._finish(done=False)
 
-    def _explore(self, ways: Ways, pose: Pose2) -> None:
+    def _explores(self, ways: Ways) -> bool:
+        """Whether these ways lead to unseen floor."""
         best = self._best_view(ways)
         if best is not None and best > 0:
             self._go(ways.path_to(best))
-        elif best is None and not self.loop_closed and pose.distance_m(self.home) > self._config.trail.loop_gate_m:
-            self._is_home_leg = True
-            self._go_home(ways)
-        elif best is None:
-            self._finish(done=True)
+        return best is not None
 
     def _best_view(self, ways: Ways) -> int | None:
         """Where the most floor comes into sight for the way."""
@@ -210,17 +221,19 @@ class Explorer:
             for s in self._shunned
         )
 
-    def _go_home(self, ways: Ways) -> None:
+    def _goes_home(self, ways: Ways) -> bool:
+        """Whether these ways lead home, or it is there."""
         config = self._config
         gates = ((config.home_m, config.home_rad), (config.home_m, math.pi), (3 * config.home_m, math.pi))
         for reach_m, turn_rad in gates:
             node = ways.nearest_to(self.home, reach_m, turn_rad)
             if node == 0:
-                break
+                self._finish(done=True)
+                return True
             if node is not None:
                 self._go(ways.path_to(node))
-                return
-        self._finish(done=node is not None)
+                return True
+        return False
 
     def _retreat(self, pose: Pose2) -> None:
         """Back along the way it came, which was free."""

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 _TURN = 2.0 * math.pi
-_CHECKS = 3
 _NEAR_START_M = 0.5
 
 
@@ -88,6 +87,7 @@ def find_ways(
     step_m: float,
     cell_m: float,
     headings: int,
+    checks: int,
     costs: Floats,
     best: NDArray[np.float32],
     nodes: Floats,
@@ -125,11 +125,11 @@ def find_ways(
         for move in range(10):
             forward = move < 5
             bend = curvature * 0.5 * (move % 5 - 2)
-            part = (step_m if forward else -step_m) / _CHECKS
+            part = (step_m if forward else -step_m) / checks
             x, y, t = x0, y0, t0
             least = math.inf
             needed = slack if spent < _NEAR_START_M else 0.0
-            for _ in range(_CHECKS):
+            for _ in range(checks):
                 x += part * math.cos(t + 0.5 * part * bend)
                 y += part * math.sin(t + 0.5 * part * bend)
                 t += part * bend

@@ -14,6 +14,7 @@ from shared.geometry.ackermann import CarGeometry
 from shared.geometry.se2 import Pose2
 
 _DISCS = 4
+_CHECKS = 3  # for room, in each of the finest steps
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +22,7 @@ class WaysConfig:
     step_m: float = 0.12
     cell_m: float = 0.05
     headings: int = 32
-    most_nodes: int = 300_000
+    most_nodes: int = 150_000  # enough for the ways of about 3 m in an open hall
     reverse_cost: float = 1.5  # of a metre in reverse, in metres forward
     cusp_cost_m: float = 0.35  # of a change of direction
     steering_cost_m: float = 0.05  # of a change from full right to full left
@@ -63,12 +64,14 @@ class Ways:
         start: Pose2,
         direction: float,
         buffers: WaysBuffers,
+        grain: int = 1,
     ) -> None:
-        """`direction`: in which the car moves now; 0 where it stands."""
+        """`direction`: in which the car moves now; 0 where it stands. `grain`: so many times as coarse as finest."""
         self._config = config
-        rows, columns = (int(cells * float(room.frame[2]) / config.cell_m) + 1 for cells in room.room_m.shape)
+        self._step_m, cell_m, headings = config.step_m * grain, config.cell_m * grain, config.headings // grain
+        rows, columns = (int(cells * float(room.frame[2]) / cell_m) + 1 for cells in room.room_m.shape)
         self._curvature = 1.0 / (car.min_turning_radius_m * config.turning_reserve)
-        buffers.widen(rows * columns * config.headings)
+        buffers.widen(rows * columns * headings)
         nodes, parents = buffers.nodes, buffers.parents
         count = _kernels.find_ways(
             room.room_m,
@@ -76,9 +79,10 @@ class Ways:
             body_discs(car),
             np.array([*start.as_array(), direction]),
             self._curvature,
-            config.step_m,
-            config.cell_m,
-            config.headings,
+            self._step_m,
+            cell_m,
+            headings,
+            _CHECKS * grain,
             np.array([config.reverse_cost, config.cusp_cost_m, config.steering_cost_m, config.tight_cost]),
             buffers.best,
             nodes,
@@ -86,6 +90,7 @@ class Ways:
             buffers.keys,
             buffers.items,
         )
+        self.are_all = count < config.most_nodes  # rather than the nearest
         self.poses = nodes[:count, :3]
         self.costs_m = nodes[:count, 3]
         self._moves = nodes[:count, 4].astype(np.int64)
@@ -121,13 +126,13 @@ class Ways:
             chain.append(node)
             node = int(self._parents[node])
         points = [self.poses[0]]
-        parts = max(1, math.ceil(self._config.step_m / self._config.spacing_m))
+        parts = max(1, math.ceil(self._step_m / self._config.spacing_m))
         for k in reversed(chain):
             points += self._along(self.poses[self._parents[k]], int(self._moves[k]), parts)
         return np.array(points)
 
     def _along(self, pose: NDArray[np.float64], move: int, parts: int) -> list[NDArray[np.float64]]:
-        step = (self._config.step_m if move < 5 else -self._config.step_m) / parts
+        step = (self._step_m if move < 5 else -self._step_m) / parts
         bend = self._curvature * 0.5 * (move % 5 - 2)
         x, y, theta = pose.tolist()
         points = []

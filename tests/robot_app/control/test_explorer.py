@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 
 from robot_app.control.explorer import Explorer, ExplorerConfig, LegEnd, Task
 from robot_app.control.ground.floor_map import FloorMap, FloorMapConfig
+from robot_app.control.trail import Trail, TrailConfig
 from robot_app.control.ways.ways import Ways, WaysBuffers, WaysConfig, path_room_m
 from shared.geometry.ackermann import CarGeometry
 from shared.geometry.rays import cast_rays
@@ -159,3 +161,54 @@ def test_a_loop_is_closed_where_the_robot_was_some_way_before(closed: bool) -> N
         pose = Pose2(math.sin(angle), 1 - math.cos(angle), angle)
         explorer.look(np.full(BEAMS, np.nan, np.float32), SCANNER, pose, turn * k / 79)
     assert explorer.loop_closed is closed
+
+
+def test_a_loop_stays_closed_after_its_places_are_forgotten() -> None:
+    trail = Trail(TrailConfig(length=80))
+    for k in range(200):
+        angle = 0.035 * k
+        trail.add(Pose2(math.sin(angle), 1 - math.cos(angle), angle), angle)
+    assert not trail.loop_closed, "the places of 4 m before were forgotten"
+    longer = Trail(TrailConfig(length=200))
+    for k in range(600):
+        angle = min(0.035 * k, 7.0)
+        longer.add(Pose2(math.sin(angle) + 0.035 * max(0, k - 200), 1 - math.cos(angle), angle), 0.035 * k)
+    assert longer.loop_closed
+
+
+def test_the_way_back_along_the_trail_ends_where_it_has_a_gap() -> None:
+    trail = Trail(TrailConfig(length=50))
+    for x_m in (0.0, 1.0, *np.arange(2.0, 4.0, 0.031).tolist()):
+        trail.add(Pose2(x_m, 0.0, 0.0), x_m)
+    back = trail.back(Pose2(4.0, 0.0, 0.0), 0.5)
+    assert 3.4 < back[-1, 0] < 3.55
+    assert trail.back(Pose2(4.0, 0.0, 0.0), 9.0)[-1, 0] > 2.0
+    assert np.all(np.diff(back[:, 0]) < 0)
+
+
+@pytest.mark.parametrize("task", [Task.EXPLORE, Task.HOME])
+def test_coarser_ways_lead_where_the_finest_do_not_get_to(task: Task) -> None:
+    explorer = Explorer(CAR, replace(CONFIG, ways=WaysConfig(most_nodes=6000)))
+    away = Pose2(1.6, 0.2, 0.0)
+    for pose in (Pose2(-0.5, -0.6, 0.0), Pose2(0.3, 0.6, 0.0), Pose2(1.3, 0.7, -0.8), away):
+        for k in range(8 if pose is not away else 2):
+            explorer.look(scan(SCREENED, pose), SCANNER, pose, 0.1 * k)
+    explorer.begin(task, Pose2(-0.5, -0.6, 0.0))
+    drive(explorer, SCREENED, away)
+    assert (explorer.finished, explorer.found_way) == (True, True)
+
+
+def test_many_views_at_once_are_the_same_as_one_after_the_other() -> None:
+    floor = seen_from(SCREENED, Pose2())
+    poses = np.random.default_rng(1).uniform((-0.8, -0.8, -3.0), (1.8, 0.8, 3.0), (200, 3))
+    together = floor.views_m2(poses, SCANNER, BEAMS)
+    assert np.count_nonzero(together) > 50
+    assert np.array_equal(together, [floor.views_m2(pose[None], SCANNER, BEAMS)[0] for pose in poses])
+
+
+def test_room_along_a_path_is_room_in_the_whole() -> None:
+    floor = seen_from(SCREENED, Pose2(), Pose2(0.3, 0.5, 0.0))
+    for path in (np.array([[0.1, 0.0, 0.0], [0.4, 0.3, 0.3]]), np.array([[0.5, -0.3, 0.0], [0.7, -0.3, 0.0]])):
+        whole = path_room_m(CAR, floor.room_for_body(Pose2(), 0.03), path)
+        near = path_room_m(CAR, floor.room_along(path, 0.03), path)
+        assert near == pytest.approx(whole)

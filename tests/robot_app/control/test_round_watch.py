@@ -25,3 +25,11 @@ def test_a_round_that_sees_nothing_new_is_over_after_six_metres() -> None:
     watch = RoundWatch(RoundConfig())
     told = [watch.is_over(k, Pose2(k, 0.0, 0.0), 0.5 * k, False, 5.0) for k in range(16)]
     assert told.index(True) == 13
+
+
+def test_a_pause_is_no_time_without_getting_anywhere_but_what_was_driven_for_nothing_counts() -> None:
+    watch = RoundWatch(RoundConfig())
+    assert not any(watch.is_over(k, Pose2(k, 0.0, 0.0), 0.5 * k, False, 5.0) for k in range(11))
+    watch.go_on()
+    told = [watch.is_over(100.0 + k, Pose2(k, 0.0, 0.0), 0.5 * k, False, 5.0) for k in range(11, 15)]
+    assert told == [False, False, True, True]
