@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import os
 import secrets
 import sys
 import threading
@@ -95,7 +96,7 @@ def _work(args: argparse.Namespace) -> int:
 
 
 def _wait_for_eof(stop: threading.Event) -> None:
-    while sys.stdin.buffer.read(4096):
+    while os.read(sys.stdin.fileno(), 4096):  # a thread in `read` of a buffer would break the end of the process
         pass
     stop.set()
 
