@@ -25,7 +25,7 @@ from robot_app.perception.identity.tracker import ObjectTracker
 from robot_app.perception.object_extractor import ObjectExtractor
 from robot_app.platform import StallWatches, hello_of, make_platform, warm_up_control
 from robot_app.safety.guard import Guard
-from robot_app.safety.motion import STANDS_S, Alarm, MotionWatch
+from robot_app.safety.motion import Alarm, MotionWatch
 from robot_app.safety.motors import Motors
 from robot_app.safety.plausible import ImuWatch, ScanWatch
 from robot_app.sensing.observation import observe
@@ -92,6 +92,7 @@ class RobotApp:
         self._temperature: Latest[TemperatureSample] = Latest()
         self._standing_reason = StopReason.NONE
         self._control_s = clock.now_s()
+        self._hung_since_s: float | None = None
         self._motors = Motors(hardware.drive, self._pilot.pushing, self._pilot.cut)
         self._has_lost_motion = False
         self._halt_text = ""
@@ -188,7 +189,7 @@ class RobotApp:
             self._halt_text = alarm.text
             self._mission.halt(alarm.reason)
         else:
-            self._guard.pause(alarm.reason, now_s + STANDS_S)
+            self._guard.pause(alarm.reason, now_s + alarm.stands_s)
         if alarm.reason is StopReason.SENSORS_DISAGREE:
             self._odometry.doubt_bias()
         self._motors.brake(now_s, self._pilot.rolling_mps, alarm.speed_mps == 0.0, alarm.speed_mps)
@@ -237,8 +238,17 @@ class RobotApp:
         now_s = self._clock.now_s()
         self._uplink.receive(now_s, self._handle, lambda: self._guard.heard(now_s), self._change_hands)
         self._uplink.greet(now_s)
-        if now_s - self._control_s > _CONTROL_HUNG_S:
-            self._brake(now_s)
+        self._watch_control(now_s)
+
+    def _watch_control(self, now_s: float) -> None:
+        """A control that is late for once may go on; one that hangs ends the mission."""
+        if now_s - self._control_s <= _CONTROL_HUNG_S:
+            self._hung_since_s = None
+            return
+        self._brake(now_s)
+        self._hung_since_s = now_s if self._hung_since_s is None else self._hung_since_s
+        if self._mission.state in RUNNING and now_s - self._hung_since_s > self._config.safety.losses.gone_s:
+            self._mission.halt(StopReason.TASK_FAULT)
 
     def _read_depth(self) -> None:
         image = self._hardware.camera.read(_READ_TIMEOUT_S)
@@ -320,7 +330,8 @@ class RobotApp:
         now_s = self._clock.now_s()
         tasks = [h.fault or f"{h.row.name}: hangs" for h in self._health() if h.fault is not None or h.hangs(now_s)]
         halted = self._mission.state is MissionState.HALTED and self._halt_text
-        return (*tasks, *([self._halt_text] if halted else []), *self._guard.warnings)
+        is_news = halted and not any(self._halt_text in task for task in tasks)
+        return (*tasks, *([self._halt_text] if is_news else []), *self._guard.warnings)
 
     def _read_power(self) -> None:
         power = self._hardware.power.read(_READ_TIMEOUT_S)
@@ -362,9 +373,16 @@ class RobotApp:
             if self._mission.state in RUNNING:
                 _log.warning("standing: %s", reason.name if reason is not StopReason.NONE else "may move again")
         running = self._mission.state in RUNNING
-        if running and self._guard.silence_s(now_s) > self._config.safety.resume_within_s:
+        if self._guard.has_lost(now_s, running):
+            self._give_up(reason)
+        elif running and self._guard.silence_s(now_s) > self._config.safety.resume_within_s:
             self._mission.halt(StopReason.COMMAND_SILENCE)
         return reason
+
+    def _give_up(self, reason: StopReason) -> None:
+        """What the car needs does not come back."""
+        self._halt_text = ", ".join(self._guard.faults)
+        self._mission.halt(reason)
 
     def _stop_reason(self) -> StopReason:
         if self._mission.state in {MissionState.HALTED, MissionState.PAUSED}:
@@ -407,6 +425,8 @@ class RobotApp:
             except Exception as error:
                 reason = StopReason.DEVICE_FAULT if isinstance(error, DeviceError) else StopReason.TASK_FAULT
                 self._guard.fault_began(row.name, reason, str(error))
+                if row is schedule.CONTROL and reason is StopReason.DEVICE_FAULT and self._mission.state in RUNNING:
+                    self._give_up(reason)  # a drive that has failed once is not to be trusted
                 raise
             self._guard.fault_ended(row.name)
 

@@ -65,6 +65,7 @@ class Pilot:
         mission.explores = True
         self._speed = SpeedController(config.speed)
         self._behaviour = Behaviour.STAND
+        self._is_held = False
         self._order: PathOrder | None = None
         self._steering_rad = 0.0
         self._scan_stamp_s = -np.inf
@@ -112,10 +113,14 @@ class Pilot:
     def step(self, now_s: float, may_move: bool) -> DriveSetting:
         """What the motor and the servo are to do now."""
         state = self._odometry.state
-        behaviour = self._mission.behaviour(now_s) if may_move else Behaviour.STAND
+        behaviour = self._mission.behaviour(now_s)
         if behaviour is not self._behaviour:
             self._begin(behaviour)
-        if behaviour is Behaviour.STAND:
+        elif may_move and self._is_held:  # the lap goes on, what was timed does not
+            self._avoidance.reset()
+            self._round.reset()
+        self._is_held = not may_move
+        if behaviour is Behaviour.STAND or not may_move:
             motion = Motion(0.0, self._steering_rad)
         else:
             motion = self._drive(now_s, behaviour, state)

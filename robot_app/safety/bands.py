@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from robot_app.safety.losses import LossConfig
 from robot_app.safety.omni_wheels import OmniWheelWatchConfig
 from robot_app.safety.stall import StallConfig
 from robot_app.safety.tilt import TiltConfig
@@ -58,6 +59,7 @@ class SafetyConfig:
     tilt: TiltConfig = field(default_factory=TiltConfig)
     wheels: WheelWatchConfig = field(default_factory=WheelWatchConfig)
     omni_wheels: OmniWheelWatchConfig = field(default_factory=OmniWheelWatchConfig)
+    losses: LossConfig = field(default_factory=LossConfig)
     min_beams: int = 12  # a scan with fewer echoes is that of a covered scanner
     command_silence_s: float = 1.0  # without a word from the station for so long the car stands …
     command_silence_radio_s: float = 2.0  # … and while LoRa alone carries words, which come turn by turn

@@ -6,6 +6,7 @@ import math
 import threading
 
 from robot_app.safety.bands import BandWatch, SafetyConfig
+from robot_app.safety.losses import LossWatch
 from shared.messages import StopReason
 
 _SPEAKING_S = 0.3  # longer than the heartbeat's period
@@ -29,6 +30,8 @@ class Guard:
         self._heard_s = self._back_s = now_s
         self._was_silent = True
         self._faults: dict[str, tuple[StopReason, str]] = {}
+        self._losses = LossWatch(config.losses)
+        self._late: tuple[str, ...] = ()
         self._pause = StopReason.NONE
         self._pause_until_s = now_s
         self._lock = threading.Lock()
@@ -77,7 +80,8 @@ class Guard:
     @property
     def warnings(self) -> tuple[str, ...]:
         """For the operator; without figures, which would make a new warning of each."""
-        found = [f"processor: {text}" for text in self._processor]
+        found = [f"waiting for the {sensor}" for sensor in self._late]
+        found += [f"processor: {text}" for text in self._processor]
         if self._weak.inside:
             found.append(
                 "the battery is low: it drives to its start, if it can" if self._home.inside else "battery low"
@@ -109,15 +113,26 @@ class Guard:
             return next((reason for reason, _ in self._faults.values()), StopReason.NONE)
 
     def reason_to_stand(self, now_s: float, scan_age_s: float, odometry_age_s: float) -> StopReason:
-        """`StopReason.NONE` when nothing speaks against moving."""
+        """`StopReason.NONE` when nothing speaks against moving. A loss does so until a while after its end."""
+        late = (
+            ("scanner", scan_age_s > self._scan_max_age_s),
+            ("encoders or the IMU", odometry_age_s > self._odometry_max_age_s),
+        )
+        self._late = tuple(sensor for sensor, is_late in late if is_late)
         fault = self._first_fault()
+        lost = StopReason.SENSOR_STALE if self._late and fault is StopReason.NONE else fault
+        loss = self._losses.update(now_s, lost)
         reasons = (
-            (fault, fault is not StopReason.NONE),
-            (StopReason.SENSOR_STALE, scan_age_s > self._scan_max_age_s),
-            (StopReason.SENSOR_STALE, odometry_age_s > self._odometry_max_age_s),
+            (loss, loss is not StopReason.NONE),
             (self._pause, now_s < self._pause_until_s),
             (StopReason.OVER_TEMPERATURE, self._heat.inside),
             (StopReason.LOW_BATTERY, self._battery.inside),
             (StopReason.COMMAND_SILENCE, not self._is_spoken_to(now_s)),
         )
         return next((reason for reason, stands in reasons if stands), StopReason.NONE)
+
+    def has_lost(self, now_s: float, is_running: bool) -> bool:
+        """Whether what the car waits for has been away for too long; only the time of a running mission counts."""
+        if not is_running:
+            self._losses.forgive(now_s)
+        return is_running and self._losses.ends_mission(now_s)

@@ -16,17 +16,19 @@ from shared.geometry.omni3 import OmniGeometry
 from shared.messages import StopReason
 
 STANDS_S = 1.5  # after a disagreement: 0.3 s until the car counts as standing, and 1.2 s for the gyro's bias
+STALL_STANDS_S = 0.8  # before wheels that were held are driven again, from standing
 _MANY, _WITHIN_S = 3, 30.0
 
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """`ends_mission`: else the car may go on once it has stood for `STANDS_S`. `text` is for the operator."""
+    """`ends_mission`: else the car may go on once it has stood for `stands_s`. `text` is for the operator."""
 
     reason: StopReason
     text: str
     ends_mission: bool = True
     speed_mps: float = 0.0  # the last one that is known, where the encoders do not tell it any more
+    stands_s: float = STANDS_S
 
 
 class MotionWatch:
@@ -40,11 +42,13 @@ class MotionWatch:
         else:
             self._wheels = OmniWheelWatch(config.omni_wheels, body, metres_per_tick)
         self._apart_s: deque[float] = deque(maxlen=_MANY)
+        self._held_s: deque[float] = deque(maxlen=_MANY)
         self._rests_until_s = -math.inf
 
     def forget(self) -> None:
         self._wheels.forget()
         self._apart_s.clear()
+        self._held_s.clear()
 
     def update(
         self,
@@ -72,10 +76,15 @@ class MotionWatch:
 
     def _wheel_alarm(self, fault: WheelFault, now_s: float, speed_before_mps: float) -> Alarm:
         if fault is WheelFault.SILENT:
-            return Alarm(StopReason.STALLED, fault.value, speed_mps=speed_before_mps)
+            again = _are_many(self._held_s, now_s)
+            return Alarm(StopReason.STALLED, fault.value, again, speed_before_mps, STALL_STANDS_S)
         if fault not in {WheelFault.TURNING, WheelFault.GYRO}:
             return Alarm(StopReason.ENCODER_FAULT, fault.value, speed_mps=speed_before_mps)
-        self._apart_s.append(now_s)
         self._rests_until_s = now_s + STANDS_S
-        again = len(self._apart_s) == _MANY and now_s - self._apart_s[0] < _WITHIN_S
-        return Alarm(StopReason.SENSORS_DISAGREE, fault.value, ends_mission=again)
+        return Alarm(StopReason.SENSORS_DISAGREE, fault.value, ends_mission=_are_many(self._apart_s, now_s))
+
+
+def _are_many(times_s: deque[float], now_s: float) -> bool:
+    """With the one that is noted now."""
+    times_s.append(now_s)
+    return len(times_s) == _MANY and now_s - times_s[0] < _WITHIN_S

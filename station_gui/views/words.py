@@ -51,6 +51,13 @@ _STOP_SENTENCES = {
     StopReason.RESTARTED: "Paused: its program was started again in the middle of a mission.",
 }
 
+_WAITING_SENTENCES = {
+    StopReason.SENSOR_STALE: "Standing for a moment: a sensor is late.",
+    StopReason.DEVICE_FAULT: "Standing for a moment: a device does not answer.",
+    StopReason.TASK_FAULT: "Standing for a moment: a task of its program failed.",
+    StopReason.STALLED: "Standing for a moment: the wheels did not turn. It tries again.",
+}
+
 _LINK_SENTENCES = {
     LinkState.DISCONNECTED: "Not connected",
     LinkState.CONNECTING: "Connecting…",
@@ -216,7 +223,9 @@ def _refusal_sentence(going: GoalFigures | None) -> str:
 
 
 def telemetry_sentence(telemetry: Telemetry) -> str:
-    stop = _STOP_SENTENCES.get(telemetry.stop_reason, "")
+    runs = telemetry.state in {MissionState.OBSERVE, MissionState.COMMAND, MissionState.RETURN}
+    waits = _WAITING_SENTENCES.get(telemetry.stop_reason, "") if runs else ""
+    stop = waits or _STOP_SENTENCES.get(telemetry.stop_reason, "")
     state = _STATE_SENTENCES.get(telemetry.state, "")
     parts = [stop or state, *(f"Fault: {fault}." for fault in telemetry.faults)]
     if telemetry.state is MissionState.HALTED:

@@ -50,6 +50,62 @@ def test_without_a_sensor_it_needs_the_car_stands_and_goes_on_when_it_is_back(
     assert driving.world.collisions.count == 0
 
 
+def lose(system: Lockstep, device: str, seconds: float, kind: FaultKind = FaultKind.SILENT) -> None:
+    fault = getattr(system.faults, device)
+    fault.kind = kind
+    system.run(seconds)
+    fault.kind = FaultKind.NONE
+
+
+def test_a_scan_that_was_damaged_is_not_noticed_and_a_longer_gap_costs_a_moment(driving: Lockstep) -> None:
+    lap = driving.app._pilot._wall  # type: ignore[attr-defined]
+    driven_m = lap._distance_m
+    lose(driving, "scanner", 0.04)
+    driving.run(0.2)
+    assert telemetry(driving).stop_reason is StopReason.NONE
+    for _ in range(3):
+        lose(driving, "scanner", 0.24)
+        driving.run(0.2)
+    assert telemetry(driving).stop_reason is StopReason.SENSOR_STALE
+    assert abs(driving.world.speed_mps()) < STANDS_MPS
+    driving.run(1.5)
+    assert (telemetry(driving).state, telemetry(driving).stop_reason) == (MissionState.OBSERVE, StopReason.NONE)
+    assert driving.world.speed_mps() > 0.05
+    assert lap._distance_m > driven_m > 0.0, "the round goes on where it was"
+
+
+@pytest.mark.parametrize("device", ["scanner", "encoders", "drive"])
+def test_a_device_that_stays_away_ends_the_mission_which_the_operator_can_continue(
+    driving: Lockstep, device: str
+) -> None:
+    lose(driving, device, 3.0, FaultKind.UNPLUGGED)
+    driving.run(1.0)
+    assert (telemetry(driving).state, telemetry(driving).stop_reason) == (MissionState.HALTED, StopReason.DEVICE_FAULT)
+    assert any(device in fault for fault in telemetry(driving).faults), "it is still named"
+    assert abs(driving.world.speed_mps()) < STANDS_MPS
+    driving.station.resume()
+    driving.run(2.5)
+    assert driving.world.speed_mps() > 0.05
+
+
+def test_wheels_that_are_held_for_a_moment_do_not_end_the_mission(driving: Lockstep) -> None:
+    lose(driving, "encoders", 0.12, FaultKind.FROZEN)
+    driving.run(0.4)
+    assert telemetry(driving).stop_reason is StopReason.STALLED
+    assert abs(driving.world.speed_mps()) < STANDS_MPS
+    driving.run(2.5)
+    assert (telemetry(driving).state, telemetry(driving).stop_reason) == (MissionState.OBSERVE, StopReason.NONE)
+    assert driving.world.speed_mps() > 0.05
+
+
+def test_dead_encoders_end_the_mission_after_one_more_try(driving: Lockstep) -> None:
+    driving.faults.encoders.kind = FaultKind.FROZEN
+    assert time_to_stand_s(driving) < WITHIN_S
+    driving.run(2.5)
+    assert (telemetry(driving).state, telemetry(driving).stop_reason) == (MissionState.HALTED, StopReason.STALLED)
+    assert abs(driving.world.speed_mps()) < STANDS_MPS
+
+
 @pytest.mark.parametrize(
     ("device", "kind", "reason"),
     [

@@ -106,7 +106,16 @@ def test_a_failed_task_stops_the_car_until_it_works_again(guard: Guard) -> None:
     assert reason(guard) is StopReason.DEVICE_FAULT
     assert guard.faults == ("scanner: no answer",)
     guard.fault_ended("scan")
-    assert reason(guard) is StopReason.NONE
+    assert reason(guard, now_s=10.2) is StopReason.DEVICE_FAULT
+    assert reason(guard, now_s=10.6) is StopReason.NONE
+
+
+def test_what_is_waited_for_is_told_and_ends_the_mission_when_it_does_not_come(guard: Guard) -> None:
+    assert reason(guard, scan_age_s=0.3) is StopReason.SENSOR_STALE
+    assert guard.warnings == ("waiting for the scanner",)
+    assert not guard.has_lost(11.0, is_running=True)
+    assert guard.has_lost(12.2, is_running=True)
+    assert not guard.has_lost(12.2, is_running=False)
 
 
 def test_a_value_that_is_not_known_leaves_the_band_as_it_is() -> None:

@@ -66,4 +66,20 @@ def test_encoders_that_fall_silent_tell_the_last_speed(watch: MotionWatch) -> No
     for i in range(12):
         alarm = alarm or watch.update(i / 100, EncoderCount(i / 100, 0, 0), None, (0.2, 0.0), PUSHING)
     assert alarm is not None
-    assert (alarm.reason, alarm.speed_mps) == (StopReason.STALLED, 0.2)
+    assert (alarm.reason, alarm.speed_mps, alarm.ends_mission) == (StopReason.STALLED, 0.2, False)
+
+
+def held(watch: MotionWatch, start_s: float) -> Alarm | None:
+    """The wheels stand for 0.12 s while the motor pushes."""
+    alarm = None
+    for i in range(12):
+        now_s = start_s + i / 100
+        alarm = alarm or watch.update(now_s, EncoderCount(now_s, 0, 0), None, (0.2, 0.0), PUSHING)
+    return alarm
+
+
+def test_wheels_that_are_held_now_and_again_are_driven_on_and_the_third_time_soon_ends_the_mission(
+    watch: MotionWatch,
+) -> None:
+    found = [held(watch, start_s) for start_s in (0.0, 40.0, 50.0, 60.0)]
+    assert [alarm is not None and alarm.ends_mission for alarm in found] == [False, False, False, True]

@@ -79,6 +79,15 @@ def test_a_halt_says_why_and_how_to_go_on(scenes):
     )
 
 
+def test_what_is_waited_for_is_no_end_of_the_mission(scenes):
+    late = scenes.telemetry(
+        MissionState.OBSERVE, stop_reason=StopReason.SENSOR_STALE, faults=("waiting for the scanner",)
+    )
+    assert words.telemetry_sentence(late) == "Standing for a moment: a sensor is late. Fault: waiting for the scanner."
+    gone = dataclasses.replace(late, state=MissionState.HALTED)
+    assert words.telemetry_sentence(gone).startswith("Stopped: a sensor no longer delivers.")
+
+
 def test_a_mission_cut_off_by_a_start_of_the_app_says_how_to_go_on(scenes):
     telemetry = scenes.telemetry(MissionState.PAUSED, stop_reason=StopReason.RESTARTED, faults=())
     assert words.telemetry_sentence(telemetry) == (
