@@ -22,7 +22,7 @@ class AckermannDrive:
     """Opens with the motor cut and the wheels straight.
 
     The kernel's PWM goes on when the process is killed or hangs: `stop` cannot run then, and the guardian cuts the
-    motor. A setting therefore holds for 0.15 s.
+    motor. A setting therefore holds for 0.06 s.
     """
 
     def __init__(self, config: DriveConfig, car: CarGeometry, clock: Clock) -> None:
