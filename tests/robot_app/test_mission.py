@@ -200,7 +200,7 @@ def test_a_robot_that_finds_no_way_back_says_so_and_may_try_again(mission: Missi
     assert mission.behaviour(0.0) is Behaviour.GO_HOME
 
 
-def test_a_robot_that_cannot_plan_does_not_return(mission: Mission) -> None:
+def test_a_robot_that_has_not_moved_yet_knows_no_way_back(mission: Mission) -> None:
     answer = in_command(mission).handle(ReturnToStart(), 0.0)
     assert not answer.accepted
     assert "way back" in answer.reason
@@ -224,3 +224,20 @@ def test_a_mission_goes_on_after_the_app_was_started_again(mission: Mission) -> 
 def test_without_a_mission_before_the_app_comes_up_idle(mission: Mission) -> None:
     mission.restore(Mission(MissionConfig()).record)
     assert mission.state is MissionState.IDLE
+
+
+@pytest.mark.parametrize("order", [None, Pause()])
+def test_it_goes_home_when_the_battery_asks_for_it(mission: Mission, order: Command | None) -> None:
+    exploring(mission)
+    if order is not None:
+        mission.handle(order, 0.0)
+    assert mission.go_home()
+    assert mission.state is MissionState.RETURN
+    assert mission.go_home(), "asking again changes nothing"
+
+
+def test_a_robot_that_was_stopped_does_not_set_off_for_home_by_itself(mission: Mission) -> None:
+    assert not mission.go_home()
+    exploring(mission).handle(EmergencyStop(), 0.0)
+    assert not mission.go_home()
+    assert (mission.state, mission.stop_reason) == (MissionState.HALTED, StopReason.EMERGENCY)

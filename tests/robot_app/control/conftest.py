@@ -72,12 +72,15 @@ class SimulatedCar:
         self._measure_clearance()
 
     def _tick(self, motion: Motion, step_s: float) -> None:
+        duty = self._speed.step(self.now_s + step_s, motion.speed_mps, self._measured_mps())
+        self.push(duty, motion.steering_rad, step_s)
+
+    def push(self, duty: float, steering_rad: float, step_s: float) -> None:
         self.now_s += step_s
-        duty = self._speed.step(self.now_s, motion.speed_mps, self._measured_mps())
         self.speed_mps += step_s / 0.12 * (0.68 * duty - math.copysign(0.01, self.speed_mps) - self.speed_mps)
         if duty == 0.0 and abs(self.speed_mps) < 0.02:
             self.speed_mps = 0.0
-        wanted = max(-CAR.max_steering_rad, min(CAR.max_steering_rad, motion.steering_rad))
+        wanted = max(-CAR.max_steering_rad, min(CAR.max_steering_rad, steering_rad))
         rate = max(-5.0, min(5.0, (wanted - self.steering_rad) / 0.06))
         self.steering_rad += rate * step_s
         way = self.speed_mps * step_s

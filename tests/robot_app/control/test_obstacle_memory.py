@@ -53,6 +53,18 @@ def test_what_is_old_or_far_away_is_not_given_out(scan_geometry: ScanGeometry) -
     assert len(memory.points_m(0.1, Pose2(10.0, 0.0, 0.0))) == 0
 
 
+def test_a_scan_is_straightened_by_how_the_robot_slides_sideways(scan_geometry: ScanGeometry) -> None:
+    memory, angles = ObstacleMemory(ObstacleMemoryConfig()), scan_geometry.angles_rad(BEAMS)
+    scanner, late_s = scan_geometry.robot_from_scanner, scan_geometry.beam_interval_s * np.arange(BEAMS)
+    beside = np.abs(angles - 1.5) < 0.4
+    ranges = np.where(beside, (1.0 - scanner.y_m - 0.5 * late_s) / np.sin(angles), np.nan).astype(np.float32)
+    for k in range(3):  # it comes nearer to a wall at its left, 1 m away at first
+        memory.add_scan(0.04 * k, ranges, scan_geometry, Pose2(), lateral_mps=0.5)
+    points = memory.points_m(0.1, Pose2())
+    assert len(points) > 10
+    np.testing.assert_allclose(points[:, 1], 1.0, atol=0.002)
+
+
 def test_everything_can_be_forgotten(scan_geometry: ScanGeometry) -> None:
     memory = _memory(scan_geometry, 1.0, 1.0)
     memory.forget()
