@@ -42,7 +42,7 @@ class FusionConfig:
     upright_rad: float = math.radians(70.0)  # steeper is an upright edge,
     level_rad: float = math.radians(20.0)  # flatter a level one; what lies between is a chord over a corner
     shortest_m: float = 0.04
-    reach_m: float = 0.035  # across: farther apart is another edge; fronts stand a few centimetres behind one another
+    reach_m: float = 0.025  # across: farther apart is another edge; those of a table's leg are 4 cm from one another
     rise_m: float = 0.05  # level edges that differ more in height are two
     gap_m: float = 0.12  # along: over a longer gap an edge is not continued
     turn_rad: float = math.radians(15.0)

@@ -82,6 +82,15 @@ def test_a_front_goes_on_to_where_the_level_edge_over_it_ends() -> None:
     assert sorted(upright_m[:, 0, 0].tolist()) == pytest.approx([0.0, 1.0], abs=0.01)
 
 
+def test_two_upright_edges_make_a_front_but_no_edge_that_was_not_seen_joins_their_tops() -> None:
+    made = build(edges_of([[0, 0, 0, 1.1], [1.6, 0, 0, 1.0]], []), cells_along((0, 0, 1.6, 0)))
+    assert (made.panels.kind != ObjectKind.FLAT).sum() == 1
+    assert made.panels.corners_m[0, :, 2].max() == pytest.approx(1.0)
+    level_m = made.segments_m[np.ptp(made.segments_m[:, :, 2], axis=1) < 0.1]
+    assert len(level_m) == 1
+    np.testing.assert_allclose(level_m[0, :, 2], 0.0, atol=1e-6)
+
+
 def test_walls_that_no_camera_saw_are_flat() -> None:
     made = build(edges_of([], []), cells_along((0, 0, 3.0, 0), (0, 0.1, 0, 2.0)))
     assert set(made.panels.kind.tolist()) == {ObjectKind.FLAT}
