@@ -45,8 +45,9 @@ class ObstacleMemory:
         odom_from_robot: Pose2,
         speed_mps: float = 0.0,
         yaw_rate_radps: float = 0.0,
+        lateral_mps: float = 0.0,
     ) -> None:
-        """Take a scan, (B,) with NaN where nothing was measured; the pose is the robot's at `stamp_s`."""
+        """Take a scan, (B,) with NaN where nothing was measured; pose and motion are the robot's at `stamp_s`."""
         ranges = np.asarray(ranges_m, dtype=np.float64)
         odom_from_scanner = odom_from_robot @ geometry.robot_from_scanner
         valid = (ranges >= geometry.range_min_m) & (ranges <= self._config.reach_m)  # NaN compares false
@@ -54,15 +55,15 @@ class ObstacleMemory:
         turned = odom_from_scanner.theta_rad + yaw_rate_radps * late_s
         angles = geometry.angles_rad(len(ranges))[valid] + turned
         heading = odom_from_robot.theta_rad + yaw_rate_radps * late_s / 2
-        lever = geometry.robot_from_scanner.x_m * yaw_rate_radps
+        sideways_mps = geometry.robot_from_scanner.x_m * yaw_rate_radps + lateral_mps
         hits = np.column_stack(
             (
                 odom_from_scanner.x_m
                 + ranges[valid] * np.cos(angles)
-                + late_s * (speed_mps * np.cos(heading) - lever * np.sin(heading)),
+                + late_s * (speed_mps * np.cos(heading) - sideways_mps * np.sin(heading)),
                 odom_from_scanner.y_m
                 + ranges[valid] * np.sin(angles)
-                + late_s * (speed_mps * np.sin(heading) + lever * np.cos(heading)),
+                + late_s * (speed_mps * np.sin(heading) + sideways_mps * np.cos(heading)),
             )
         )
         self._forget_seen_through(ranges, geometry, odom_from_scanner)
