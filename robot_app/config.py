@@ -9,6 +9,7 @@ from robot_app.control.explorer import ExplorerConfig
 from robot_app.control.obstacle_avoidance import AvoidanceConfig
 from robot_app.control.obstacle_memory import ObstacleMemoryConfig
 from robot_app.control.omni.avoidance import OmniAvoidanceConfig
+from robot_app.control.omni.homing import HomingConfig
 from robot_app.control.omni.path_follower import OmniPathConfig
 from robot_app.control.omni.wall_follower import OmniWallConfig
 from robot_app.control.omni.wheel_speeds import OmniSpeedConfig
@@ -67,6 +68,7 @@ class OmniControlConfig:
     memory: ObstacleMemoryConfig = field(default_factory=ObstacleMemoryConfig)
     wall: OmniWallConfig = field(default_factory=OmniWallConfig)
     path: OmniPathConfig = field(default_factory=OmniPathConfig)
+    homing: HomingConfig = field(default_factory=HomingConfig)
     avoidance: OmniAvoidanceConfig = field(default_factory=OmniAvoidanceConfig)
     speed: OmniSpeedConfig = field(default_factory=OmniSpeedConfig)
 

@@ -279,7 +279,7 @@ class Mission:
     def _go_home(self) -> Answer:
         if self._state not in RUNNING | {MissionState.PAUSED}:
             return Answer(False, "there is no mission to return from")
-        if not self.explores or self._home is None:
+        if self._home is None:
             return Answer(False, "the robot does not know the way back to its start")
         self._state = MissionState.RETURN
         self._stop_reason = StopReason.NONE

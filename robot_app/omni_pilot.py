@@ -11,6 +11,7 @@ from robot_app.config import OmniControlConfig
 from robot_app.control.motion import Motion
 from robot_app.control.obstacle_memory import ObstacleMemory
 from robot_app.control.omni.avoidance import OmniAvoidance, OmniAvoided, OmniWish
+from robot_app.control.omni.homing import Homing, HomingState, Trail
 from robot_app.control.omni.path_follower import OmniPathFollower
 from robot_app.control.omni.wall_follower import OmniWallFollower
 from robot_app.control.omni.wheel_speeds import OmniSpeedController
@@ -21,6 +22,7 @@ from robot_app.mission import Behaviour, Mission, MissionConfig, PathOrder
 from robot_app.pilot import PilotState
 from robot_app.sensing.odometry import Odometry, OdometryConfig, OdometryState
 from shared.geometry.omni3 import STAND_STILL, OmniGeometry, Twist, Wheels
+from shared.geometry.se2 import Pose2
 from shared.messages import ScanGeometry, Start
 
 _WARM_UP_BEAMS, _WARM_UP_STEPS = 227, 60
@@ -38,6 +40,9 @@ class OmniPilot:
         self._memory = ObstacleMemory(config.memory)
         self._wall = OmniWallFollower(config.wall)
         self._path: OmniPathFollower | None = None
+        self._trail = Trail(config.homing)
+        self._homing: Homing | None = None
+        self._number = mission.number  # whose trail and round it is
         self._avoidance = OmniAvoidance(omni.radius_m, config.avoidance)
         self._speed = OmniSpeedController(omni, config.speed)
         self._behaviour = Behaviour.STAND
@@ -61,23 +66,28 @@ class OmniPilot:
         if seen is None or scan.stamp_s <= self._scan_stamp_s:
             return
         self._scan_stamp_s = scan.stamp_s
-        self._memory.add_scan(
-            scan.stamp_s, scan.ranges_m, geometry, seen.odom_from_robot, seen.speed_mps, seen.yaw_rate_radps
-        )
+        motion = seen.speed_mps, seen.yaw_rate_radps, seen.lateral_mps
+        self._memory.add_scan(scan.stamp_s, scan.ranges_m, geometry, seen.odom_from_robot, *motion)
 
     def explore(self, now_s: float) -> None:
-        """It plans nothing: the round along the walls is the whole observation."""
+        """It plans nothing: the round along the walls is the whole observation, and the trail the way home."""
 
     def step(self, now_s: float, may_move: bool) -> OmniSetting:
         """What the motors are to do now."""
         state = self._odometry.state
+        if self._mission.number != self._number:
+            self._number = self._mission.number
+            self._wall.reset()
+            self._trail.clear()
+        self._trail.add(state.odom_from_robot)
         behaviour = self._mission.behaviour(now_s) if may_move else Behaviour.STAND
         if behaviour is not self._behaviour:
             self._begin(behaviour)
         wanted = STAND_STILL if behaviour is Behaviour.STAND else self._drive(now_s, behaviour, state)
         right, left, back = state.wheels_mps or _NO_WHEELS
         duties = self._speed.step(now_s, wanted, (right, left, back))
-        self._last_moved = self._speed.reference
+        if self._speed.reference != STAND_STILL:  # a hard brake pushes against it, when it is over already
+            self._last_moved = self._speed.reference
         return OmniSetting(duties)
 
     @property
@@ -88,10 +98,11 @@ class OmniPilot:
         return math.copysign(max(map(abs, now)), along)
 
     def pushing(self, duty: float) -> OmniSetting:
-        """All motors, each by its share in the motion last asked for; the fastest wheel with `duty`."""
+        """All motors, each by its share in the motion last asked for; `duty` is what the car's motor would get."""
         right, left, back = self._omni.wheels_mps(self._last_moved)
         fastest = max(map(abs, (right, left, back)))
-        share = duty / fastest if fastest else 0.0
+        most = max(-1.0, min(1.0, self._config.speed.braking * duty))
+        share = most / fastest if fastest else 0.0
         return OmniSetting((share * right, share * left, share * back))
 
     def cut(self) -> None:
@@ -99,10 +110,9 @@ class OmniPilot:
         self._speed.reset()
 
     def _begin(self, behaviour: Behaviour) -> None:
-        was, self._behaviour = self._behaviour, behaviour
+        self._behaviour = behaviour
         self._avoidance.reset()
-        if behaviour is Behaviour.FOLLOW_WALL and was is not Behaviour.BY_HAND:
-            self._wall.reset()
+        self._homing = None
 
     def _drive(self, now_s: float, behaviour: Behaviour, state: OdometryState) -> Twist:
         pose = state.odom_from_robot
@@ -126,6 +136,8 @@ class OmniPilot:
             return self._path_wish(now_s, state)
         if behaviour is Behaviour.FOLLOW_WALL:
             return self._wall_wish(state)
+        if behaviour is Behaviour.GO_HOME:
+            return self._home_wish(now_s, state)
         return OmniWish(STAND_STILL)  # the mission asks nobody to explore who does not say that he does
 
     def _hand_wish(self, motion: Motion | None) -> OmniWish:
@@ -137,6 +149,17 @@ class OmniPilot:
     def _wall_wish(self, state: OdometryState) -> OmniWish:
         step = self._wall.step(self._points_m, state.odom_from_robot, self._avoided.clearance_ahead_m)
         self._mission.observed(state.distance_m, step.state is WallState.DONE)
+        return OmniWish(step.twist, self._config.wall_freedom_rad)
+
+    def _home_wish(self, now_s: float, state: OdometryState) -> OmniWish:
+        """The odometry has drifted since it came this way, so it may go beside it as it does along a wall."""
+        if self._homing is None:
+            home = self._mission.home or Pose2()
+            self._homing = Homing(self._config.homing, self._config.path, self._omni.radius_m, home)
+        pose, blocked = state.odom_from_robot, self._avoided.is_blocked
+        step = self._homing.step(now_s, pose, self._trail, self._points_m, blocked)
+        if step.state is not HomingState.UNDER_WAY:
+            self._mission.returned(step.state is HomingState.HOME)
         return OmniWish(step.twist, self._config.wall_freedom_rad)
 
     def _path_wish(self, now_s: float, state: OdometryState) -> OmniWish:

@@ -31,6 +31,7 @@ class OmniWallConfig:
     sure_radius_m: float = 0.30  # into gaps between twice trace.pass_radius_m and twice this it goes on as it began
     lap: LapConfig = field(default_factory=LapConfig)
     look_ahead_m: float = 0.45  # to the point of the way that it faces and heads for
+    faces_rad: float = 1.2  # one that faces the way by this knows the wall's side by its heading, else by the way
     slow_mps: float = 0.09  # paper 1, section 4: slow is below 0.1, medium 0.2, fast above 0.4
     medium_mps: float = 0.20
     fast_mps: float = 0.42
@@ -120,6 +121,7 @@ class OmniWallFollower:
         self._lap = Lap(self._config.lap)
         self._has_looked_round = False
         self._carrot_m: NDArray[np.float64] | None = None  # odom frame, of the last step
+        self._course_rad: float | None = None  # odom frame, where the way leads that it does not face yet
         self._leave_heading_rad = 0.0
         self._left_at_m = 0.0
 
@@ -139,16 +141,20 @@ class OmniWallFollower:
             return OmniWallStep(Twist(speed, 0.0, 0.0), self._state)
         self._enter(WallState.FOLLOW)
         step = self._follow(way_m, clearance_ahead_m)
+        faces = abs(step.angle_rad) < config.faces_rad
+        self._course_rad = None if faces else odom_from_robot.theta_rad + course_rad(way_m)
         self._judge_lap(odom_from_robot)
         return step
 
     def _way(self, points_m: NDArray[np.float64], pose: Pose2) -> NDArray[np.float64] | None:
         """(N, 2), robot frame. A gap as wide as the disc is a way in one scan and none in the next: of both ways it
-        takes the one that leads on to where it was heading."""
-        traces = [tracer.trace(points_m, pose) for tracer in self._tracers]
+        takes the one that leads on to where it was heading. While it turns round to face the way, what is beside its
+        heading is now this wall and now that one."""
+        along = pose if self._course_rad is None else Pose2(pose.x_m, pose.y_m, self._course_rad)
+        traces = [tracer.trace(points_m, along) for tracer in self._tracers]
         ways = [pose.inverse().apply(trace.way_m) for trace in traces if trace is not None]
         if not ways:
-            self._carrot_m = None
+            self._carrot_m = self._course_rad = None
             return None
         carrots_m = pose.apply(np.array([way_ahead(way, self._config.look_ahead_m)[0] for way in ways]))
         kept = 0 if self._carrot_m is None else int(np.argmin(np.hypot(*(carrots_m - self._carrot_m).T)))
@@ -206,10 +212,20 @@ class OmniWallFollower:
 
 def way_ahead(way_m: NDArray[np.float64], look_ahead_m: float) -> tuple[NDArray[np.float64], float]:
     """The point of a way, (N, 2), robot frame, to head for, and how far left of the way the robot is."""
-    gaps = np.hypot(*way_m.T)
-    nearest = int(np.argmin(gaps[: max(2, len(way_m) // 2)]))
+    gaps, nearest = _nearest(way_m)
     beyond = np.flatnonzero(gaps[nearest:] >= look_ahead_m)
     ahead = way_m[nearest + int(beyond[0])] if len(beyond) else way_m[-1]
-    a, b = way_m[max(nearest - 1, 0)], way_m[min(nearest + 1, len(way_m) - 1)]
-    along = (b - a) / max(float(np.hypot(*(b - a))), 1e-6)
-    return ahead, float(along[1] * way_m[nearest][0] - along[0] * way_m[nearest][1])
+    course = course_rad(way_m)
+    return ahead, float(math.sin(course) * way_m[nearest][0] - math.cos(course) * way_m[nearest][1])
+
+
+def course_rad(way_m: NDArray[np.float64]) -> float:
+    """Where a way, (N, 2), robot frame, leads beside the robot."""
+    nearest = _nearest(way_m)[1]
+    dx, dy = way_m[min(nearest + 1, len(way_m) - 1)] - way_m[max(nearest - 1, 0)]
+    return math.atan2(dy, dx)
+
+
+def _nearest(way_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
+    gaps = np.hypot(*way_m.T)
+    return gaps, int(np.argmin(gaps[: max(2, len(way_m) // 2)]))
