@@ -1,7 +1,7 @@
 """What stands in a packet that is not one segment of the stream, sans-I/O.
 
-An item begins with a byte: what it is (3 bits) and a small number (5 bits). A sequence has 2 bytes: with one, a packet
-that somebody kept from coming could come later as another part of the stream.
+An item begins with a byte: what it is (3 bits) and a small number (5 bits). Of a segment that is the upper part of the
+sequence: with one byte alone a packet that somebody kept from coming could come later as another part of the stream.
 
     0, 1  Acknowledgement of the bulk, of the commands   number: bytes of the bitmap; base, bitmap
     2     Segment of the commands                        sequence, length, bytes
@@ -20,8 +20,8 @@ from shared.link.base import Lane
 
 MOST_SHORT_BYTES = 32  # of a datagram that has to fit into one item
 NUMBERS = 32
-SEGMENT_HEAD_BYTES = 4
-BULK_HEAD_BYTES = 3
+SEGMENT_HEAD_BYTES = 3
+BULK_HEAD_BYTES = 2
 SHORT_HEAD_BYTES = 2
 
 
@@ -63,7 +63,7 @@ class Goodbye:
 
 Item = Acknowledgement | SegmentItem | Now | NowHasCome | Newest | Goodbye
 _STREAMS = (Lane.BULK, Lane.COMMAND)
-SEQ_MASK = 0xFFFF  # of what a segment says of its number
+SEQ_MASK = 0x1FFF  # of what a segment says of its number
 
 
 def write(item: Item) -> bytes:
@@ -71,9 +71,9 @@ def write(item: Item) -> bytes:
         case Acknowledgement():
             written = bytes((_STREAMS.index(item.lane) << 5 | len(item.bitmap), item.base_low)) + item.bitmap
         case SegmentItem(lane=Lane.BULK):
-            written = bytes((6 << 5,)) + item.seq_low.to_bytes(2, "little") + item.data
+            written = bytes((6 << 5 | item.seq_low >> 8, item.seq_low & 0xFF)) + item.data
         case SegmentItem():
-            written = bytes((2 << 5,)) + item.seq_low.to_bytes(2, "little") + bytes((len(item.data),)) + item.data
+            written = bytes((2 << 5 | item.seq_low >> 8, item.seq_low & 0xFF, len(item.data))) + item.data
         case Now():
             written = bytes((3 << 5 | item.identifier, len(item.datagram))) + item.datagram
         case NowHasCome():
@@ -105,20 +105,16 @@ def _read_one(body: bytes, at: int) -> tuple[Item | None, int]:
     took = 1
     if kind in {0, 1} and len(rest) > number:
         item, took = Acknowledgement(_STREAMS[kind], rest[0], rest[1 : 1 + number]), 2 + number
-    elif kind == 2 and len(rest) >= 3 and len(rest) >= 3 + rest[2]:
-        item, took = SegmentItem(Lane.COMMAND, _seq_low(rest), rest[3 : 3 + rest[2]]), SEGMENT_HEAD_BYTES + rest[2]
+    elif kind == 2 and len(rest) >= 2 and len(rest) >= 2 + rest[1]:
+        item, took = SegmentItem(Lane.COMMAND, number << 8 | rest[0], rest[2 : 2 + rest[1]]), 3 + rest[1]
     elif kind in {3, 5} and rest and 0 < rest[0] < len(rest):
         datagram = rest[1 : 1 + rest[0]]
         item = Now(number, datagram) if kind == 3 else Newest(number, datagram)
         took = 2 + rest[0]
     elif kind == 4:
         item = NowHasCome(number)
-    elif kind == 6 and len(rest) >= 2:
-        item, took = SegmentItem(Lane.BULK, _seq_low(rest), rest[2:]), 1 + len(rest)
+    elif kind == 6 and rest:
+        item, took = SegmentItem(Lane.BULK, number << 8 | rest[0], rest[1:]), 1 + len(rest)
     elif kind == 7:
         item = Goodbye()
     return item, at + took
-
-
-def _seq_low(rest: bytes) -> int:
-    return int.from_bytes(rest[:2], "little")
