@@ -180,6 +180,9 @@ class RobotApp:
         alarm = self._motion_watch.update(
             now_s, count, imu, (self._pilot.rolling_mps, state.yaw_rate_radps), self._motors.applied
         )
+        stalled = self._stall.update(now_s, self._motors.applied, state) and not self._motion_watch.rests(now_s)
+        if alarm is None and stalled:
+            alarm = self._motion_watch.stalled(now_s, self._stall.free_mps)
         if alarm is not None:
             self._take_alarm(alarm, now_s)
 
@@ -216,14 +219,8 @@ class RobotApp:
             self._brake(now_s)
             self._motors.check()
         else:
-            self._drive(now_s, may_move=reason is StopReason.NONE)
+            self._motors.set(self._wanted(now_s, may_move=reason is StopReason.NONE))
         self._control_s = now_s
-
-    def _drive(self, now_s: float, may_move: bool) -> None:
-        applied = self._motors.set(self._wanted(now_s, may_move))
-        if self._stall.update(now_s, applied, self._odometry.state):
-            self._mission.halt(StopReason.STALLED)
-            self._motors.cut()
 
     def _wanted(self, now_s: float, may_move: bool) -> Setting:
         setting = self._pilot.step(now_s, may_move)

@@ -15,6 +15,10 @@ from robot_app.sensing.odometry import Odometry, OdometryState
 from shared.messages import Hello, ScanGeometry
 
 _MOST_MOTORS = 3
+_ROLLS_MPS = 0.03
+_LONE_MPS = (
+    0.02  # of a wheel that is silent while another rolls: stalled, if it lasts; the gyro tells a dead encoder sooner
+)
 
 
 class AnyPilot(Protocol):
@@ -76,11 +80,22 @@ class StallWatches:
     def __init__(self, config: StallConfig) -> None:
         self._watches = [StallWatch(config) for _ in range(_MOST_MOTORS)]
 
-    def update(self, now_s: float, applied: Setting, state: OdometryState) -> bool:
-        """Whether a motor is stalled. `applied` as it was last set, `state` as the encoders say."""
+    def update(self, now_s: float, applied: Setting | None, state: OdometryState) -> bool:
+        """Whether a motor is stalled. `applied`: as it was last set, None while it is cut; `state`: by the encoders."""
+        if applied is None:
+            for watch in self._watches:
+                watch.forget()
+            return False
         if isinstance(applied, DriveSetting):
             return self._watches[0].update(now_s, applied.duty, state.speed_mps)
         wheels_mps = state.wheels_mps or (0.0,) * len(applied.duties)
+        least_mps = _LONE_MPS if max(map(abs, wheels_mps)) > _ROLLS_MPS else 0.0
         motors = zip(self._watches, applied.duties, wheels_mps, strict=True)
-        stalled = [watch.update(now_s, duty, speed) for watch, duty, speed in motors]
+        stalled = [watch.update(now_s, duty, max(abs(speed), least_mps)) for watch, duty, speed in motors]
         return any(stalled)
+
+    @property
+    def free_mps(self) -> float:
+        """How fast the wheels turn that may turn unseen; along the last way for more than one."""
+        first, *others = (watch.free_mps for watch in self._watches)
+        return max(map(abs, (first, *others))) if any(others) else first

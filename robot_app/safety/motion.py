@@ -16,7 +16,8 @@ from shared.geometry.omni3 import OmniGeometry
 from shared.messages import StopReason
 
 STANDS_S = 1.5  # after a disagreement: 0.3 s until the car counts as standing, and 1.2 s for the gyro's bias
-STALL_STANDS_S = 0.8  # before wheels that were held are driven again, from standing
+STALL_STANDS_S = 0.8  # before wheels that were held are driven again, from standing …
+_HELD_AGAIN_S = 2.5  # … and when they are held again so soon, the mission ends
 _MANY, _WITHIN_S = 3, 30.0
 
 
@@ -42,13 +43,13 @@ class MotionWatch:
         else:
             self._wheels = OmniWheelWatch(config.omni_wheels, body, metres_per_tick)
         self._apart_s: deque[float] = deque(maxlen=_MANY)
-        self._held_s: deque[float] = deque(maxlen=_MANY)
+        self._held_s = -math.inf
         self._rests_until_s = -math.inf
 
     def forget(self) -> None:
         self._wheels.forget()
         self._apart_s.clear()
-        self._held_s.clear()
+        self._held_s = -math.inf
 
     def update(
         self,
@@ -69,22 +70,27 @@ class MotionWatch:
         elif isinstance(self._wheels, OmniWheelWatch) and isinstance(count, OmniCount):
             duties = applied if isinstance(applied, OmniSetting) else None
             fault = self._wheels.update(count, yaw_rate_radps, speed_mps, duties)
-        if fault is None or now_s < self._rests_until_s:
+        if fault is None or self.rests(now_s):
             return None
         self._wheels.forget()
         return self._wheel_alarm(fault, now_s, self._wheels.speed_before_mps)
 
     def _wheel_alarm(self, fault: WheelFault, now_s: float, speed_before_mps: float) -> Alarm:
         if fault is WheelFault.SILENT:
-            again = _are_many(self._held_s, now_s)
-            return Alarm(StopReason.STALLED, fault.value, again, speed_before_mps, STALL_STANDS_S)
+            return self.stalled(now_s, speed_before_mps)
         if fault not in {WheelFault.TURNING, WheelFault.GYRO}:
             return Alarm(StopReason.ENCODER_FAULT, fault.value, speed_mps=speed_before_mps)
         self._rests_until_s = now_s + STANDS_S
-        return Alarm(StopReason.SENSORS_DISAGREE, fault.value, ends_mission=_are_many(self._apart_s, now_s))
+        self._apart_s.append(now_s)
+        again = len(self._apart_s) == _MANY and now_s - self._apart_s[0] < _WITHIN_S
+        return Alarm(StopReason.SENSORS_DISAGREE, fault.value, ends_mission=again)
 
+    def stalled(self, now_s: float, speed_mps: float) -> Alarm:
+        """The wheels do not turn, though the motor pushes. `speed_mps`: how fast they may turn unseen."""
+        again = now_s - self._held_s < _HELD_AGAIN_S
+        self._held_s, self._rests_until_s = now_s, now_s + STALL_STANDS_S
+        return Alarm(StopReason.STALLED, WheelFault.SILENT.value, again, speed_mps, STALL_STANDS_S)
 
-def _are_many(times_s: deque[float], now_s: float) -> bool:
-    """With the one that is noted now."""
-    times_s.append(now_s)
-    return len(times_s) == _MANY and now_s - times_s[0] < _WITHIN_S
+    def rests(self, now_s: float) -> bool:
+        """The car is to stand after an alarm."""
+        return now_s < self._rests_until_s

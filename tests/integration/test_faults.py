@@ -123,6 +123,23 @@ def test_a_sensor_that_lies_stops_the_car(driving: Lockstep, device: str, kind: 
     assert driving.world.collisions.count == 0
 
 
+def test_with_encoders_dead_from_the_start_no_try_to_set_off_lasts_longer_than_it_may(
+    make_system: Callable[..., Lockstep],
+) -> None:
+    system = make_system()
+    system.station.connect("loopback", 0)
+    system.run(3.0)
+    system.faults.encoders.kind = FaultKind.FROZEN
+    system.station.start()
+    longest_s = moving_s = 0.0
+    for _ in range(125):
+        system.run(0.02)
+        moving_s = moving_s + 0.02 if abs(system.world.speed_mps()) > STANDS_MPS else 0.0
+        longest_s = max(longest_s, moving_s)
+    assert 0.0 < longest_s < WITHIN_S
+    assert (telemetry(system).state, telemetry(system).stop_reason) == (MissionState.HALTED, StopReason.STALLED)
+
+
 def stuck_on_the_left() -> Callable[[EncoderCount], EncoderCount]:
     held: list[int] = []
 
