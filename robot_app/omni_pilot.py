@@ -159,6 +159,7 @@ class OmniPilot:
         pose, blocked = state.odom_from_robot, self._avoided.is_blocked
         step = self._homing.step(now_s, pose, self._trail, self._points_m, blocked)
         if step.state is not HomingState.UNDER_WAY:
+            self._wall.reset()  # an observation that goes on from here begins a new round
             self._mission.returned(step.state is HomingState.HOME)
         return OmniWish(step.twist, self._config.wall_freedom_rad)
 

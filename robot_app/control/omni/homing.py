@@ -16,6 +16,7 @@ from shared.geometry.omni3 import STAND_STILL, Twist
 from shared.geometry.se2 import Pose2
 
 Floats = NDArray[np.float64]
+_MOST_LANES = 24  # looked at in one step of the control: as many as the avoidance looks at
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,6 +157,7 @@ class Homing:
         seen_m = pose.inverse().apply(places_m[:-1])
         distances = np.hypot(*seen_m.T)
         near = np.flatnonzero(distances <= cut_m)
+        near = near[:: 1 + len(near) // _MOST_LANES]
         directions = np.arctan2(seen_m[near, 1], seen_m[near, 0])
         robot_points_m = pose.inverse().apply(points_m)
         free_m = lanes(robot_points_m, directions, self._radius_m, self._config.cut_margin_m, 2 * cut_m).free_m
