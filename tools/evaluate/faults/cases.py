@@ -95,7 +95,9 @@ def _scanner(rng: np.random.Generator) -> list[Case]:
     ]
     text = "scanner sends ranges drawn by lot, with right check sums"
     drawn = Case("scanner-garbage", text, _changed("scanner", garbage), _healed("scanner"), True, _A_WHILE_S)
-    return [*whole, drawn]
+    silent = _of_kind("scanner", FaultKind.SILENT)
+    brief = Case("scanner-late", "no scan for 0.5 s", silent, _healed("scanner"), True, 0.5)
+    return [brief, *whole, drawn]
 
 
 def _encoders() -> list[Case]:
@@ -115,7 +117,9 @@ def _encoders() -> list[Case]:
     def case(name: str, text: str, *sides: str) -> Case:
         return Case(name, text, _changed("encoders", stuck(*sides)), _healed("encoders"), True, resumes=False)
 
+    frozen = _of_kind("encoders", FaultKind.FROZEN)
     return [
+        Case("wheels-held", "no tick of both wheels for 0.3 s", frozen, _healed("encoders"), True, 0.3),
         case("encoder-stuck", "one encoder stuck", "left"),
         case("encoders-stuck", "both encoders stuck", "left", "right"),
     ]
