@@ -212,3 +212,38 @@ def test_room_along_a_path_is_room_in_the_whole() -> None:
         whole = path_room_m(CAR, floor.room_for_body(Pose2(), 0.03), path)
         near = path_room_m(CAR, floor.room_along(path, 0.03), path)
         assert near == pytest.approx(whole)
+
+
+def test_a_leg_is_planned_anew_when_something_stands_in_it() -> None:
+    explorer = Explorer(CAR, CONFIG)
+    away = Pose2(-0.6, 0.4, 0.0)
+    for pose in (Pose2(), away):
+        for k in range(3):
+            explorer.look(scan(YARD, pose), SCANNER, pose, 0.1 * k)
+    explorer.begin(Task.HOME, Pose2(1.3, 0.4, 0.0))
+    explorer.step(away, 0.0)
+    first = explorer.leg
+    explorer.step(away, 0.0)
+    assert first is not None
+    assert explorer.leg is first
+    x, y = first.path[len(first.path) // 2, :2].tolist()
+    blocked = np.vstack((YARD, box(x, y - 0.1, x + 0.1, y + 0.1)))
+    for k in range(4):
+        explorer.look(scan(blocked, away), SCANNER, away, 0.1 * k)
+    explorer.step(away, 0.0)
+    assert explorer.leg is not first
+
+
+def test_a_view_that_could_not_be_reached_is_left_for_another() -> None:
+    explorer = Explorer(CAR, CONFIG)
+    explorer.begin(Task.EXPLORE, Pose2())
+    for _ in range(3):
+        explorer.look(scan(SCREENED, Pose2()), SCANNER, Pose2(), 0.0)
+    explorer.step(Pose2(), 0.0)
+    first = explorer.leg
+    assert first is not None
+    explorer.end(LegEnd(first.number, arrived=False))
+    explorer.step(Pose2(), 0.0)
+    assert explorer.leg is not None
+    ends = explorer.leg.path[-1] - first.path[-1]
+    assert math.hypot(ends[0], ends[1]) >= 0.2 or abs(ends[2]) >= 0.6
