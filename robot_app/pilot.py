@@ -118,7 +118,8 @@ class Pilot:
             self._begin(behaviour)
         elif may_move and self._is_held:  # the lap goes on, what was timed does not
             self._avoidance.reset()
-            self._round.reset()
+            self._round.go_on()
+            self._blocked_s = None
         self._is_held = not may_move
         if behaviour is Behaviour.STAND or not may_move:
             motion = Motion(0.0, self._steering_rad)
