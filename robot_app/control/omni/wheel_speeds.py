@@ -29,7 +29,7 @@ class OmniSpeedConfig:
     turn_inertia_s: float = 0.05
     lag_s: float = 0.10  # of the measured speeds: half of the odometry's window, the tick and the motors
     fastest_wheel_mps: float = 0.60  # below what a wheel reaches at full duty; faster motions are scaled as a whole
-    braking: float = 1.8  # of the car's duty to stop hard: with its motors shorted its speed fades in 0.16 s, not 0.10
+    braking: float = 1.6  # of the car's duty to stop hard: with its motors shorted its speed fades in 0.16 s, not 0.10
 
 
 class OmniSpeedController:
