@@ -82,6 +82,16 @@ def test_the_ragged_shadow_of_the_l515_at_an_edge_changes_little(world) -> None:
     assert np.abs(depths_m(network) - 1.2).max() < 0.1
 
 
+@pytest.mark.parametrize(("limit_m", "height_m"), [(0.5, 0.15), (0.8, 0.25)])
+def test_a_table_that_comes_too_near_has_no_edge_where_the_range_ends(world, limit_m: float, height_m: float) -> None:
+    """That rim is as straight as an edge, and below it nothing is measured; what is farther behind is drawn."""
+    slope_y = world.intrinsics.ray_slopes()[1].astype(np.float64)
+    depth_m = noise(np.repeat(np.minimum(height_m / np.maximum(slope_y, 1e-6), 2.0)[:, None], 640, axis=1))
+    network = extracted(world, np.where(depth_m < limit_m, 0.0, depth_m))
+    assert len(network.nodes_m) > 0
+    assert depths_m(network).min() > 1.8
+
+
 def drawn_m(network: ObjectNetwork) -> float:
     """The length of all connections."""
     return float(np.linalg.norm(np.diff(network.nodes_m[network.edges], axis=1), axis=2).sum())
