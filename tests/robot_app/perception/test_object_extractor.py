@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -98,6 +99,19 @@ def test_the_floor_makes_no_nodes_while_the_car_pitches(world, pitch_rad: float)
     extractor = ObjectExtractor(PerceptionConfig(), world.intrinsics, CameraMount(0.28, 0.17, pitch_rad))
     network = extractor.extract(world.image([], np.random.default_rng(1)))
     assert len(network.nodes_m) == 0
+
+
+@pytest.mark.parametrize("pitch_rad", [-0.012, -0.009])
+def test_the_foot_of_a_front_is_drawn_while_the_floor_seems_to_rise(world, room, pitch_rad: float) -> None:
+    """At 3 m by up to 3.6 cm, more than what belongs to the floor near by."""
+    front = replace(room[0], low_m=(3.0, -1.0, 0.0), high_m=(3.2, 1.0, 1.0))
+    mount = CameraMount(0.28, 0.17, pitch_rad)
+    extractor = ObjectExtractor(PerceptionConfig(), world.intrinsics, mount)
+    network = extractor.extract(world.image([front], np.random.default_rng(1)))
+    true_from_pitched = world.mount.robot_from_optical() @ np.linalg.inv(mount.robot_from_optical())
+    nodes_m = network.nodes_m @ true_from_pitched[:3, :3].T + true_from_pitched[:3, 3]
+    foot_m = np.linspace((3.0, -1.0, 0.0), (3.0, 1.0, 0.0), 40)
+    assert np.mean(distance_m(foot_m, nodes_m[network.edges]) < 0.04) > 0.9
 
 
 def test_no_node_has_more_than_two_connections_after_learning(world, room_image) -> None:
