@@ -132,6 +132,7 @@ class LoopConfig:
     min_partial_share: float = 0.35
     max_through_share: float = 0.12  # in space that was seen free, of the points that the place says something of
     min_held_share: float = 0.06  # of all points, that hold the weaker direction; none of 52 on six logs was wrong
+    witness_held_share: float = 0.04  # with so many it only counts beside one of the next nodes that says the same
     sure_held_share: float = 0.08  # with so many it needs no second closure either, where the estimate agrees
     through_margin_m: float = 0.15
     through_margin_ratio: float = 0.02

@@ -22,6 +22,7 @@ class Closure:
 
     `searched`: the estimate was not good enough to start from, so that the place itself may be mistaken.
     `partial`: much of what the new node saw is not known from the old one, and the rest does not hold it firmly.
+    `witness`: so little firmly that it may only confirm another one.
     """
 
     old: int
@@ -30,6 +31,7 @@ class Closure:
     information: FloatArray
     searched: bool
     partial: bool = False
+    witness: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,10 +25,7 @@ class Jury:
 
     def judge(self, closure: Closure, poses: FloatArray) -> list[Closure]:
         """Those that are believed now; `poses`: (nodes, 3)."""
-        expected = compose(poses[closure.old], closure.measured)
-        correction = between(poses[closure.new], expected)
-        near = not closure.partial and np.hypot(correction[0], correction[1]) < self._config.agreement_m
-        if not closure.searched or near:
+        if not closure.searched or (not closure.partial and self._near(closure, poses)):
             return [closure]
         agreeing = [other for other in self._unconfirmed if self._agree(other, closure, poses)]
         if not agreeing:
@@ -38,10 +35,22 @@ class Jury:
             self._unconfirmed.remove(other)
         return [*agreeing, closure]
 
+    def _near(self, closure: Closure, poses: FloatArray) -> bool:
+        """Where the estimate has it too."""
+        expected = compose(poses[closure.old], closure.measured)
+        correction = between(poses[closure.new], expected)
+        return bool(np.hypot(correction[0], correction[1]) < self._config.agreement_m)
+
     def _agree(self, a: Closure, b: Closure, poses: FloatArray) -> bool:
-        """Both closures move the new place in the same way, and none of the scans that say so is in both."""
+        """Both closures move the new place in the same way.
+
+        None of the scans that say so is in both, unless the estimate has a say too: both are near it.
+        """
         config = self._config
-        if not 2 * config.query_neighbours < abs(a.new - b.new) <= config.agreement_nodes:
+        apart = abs(a.new - b.new)
+        if not 0 < apart <= config.agreement_nodes or (a.witness and b.witness):
+            return False
+        if apart <= 2 * config.query_neighbours and not (self._near(a, poses) and self._near(b, poses)):
             return False
         by_a = compose(compose(poses[a.old], a.measured), between(poses[a.new], poses[b.new]))
         difference = between(compose(poses[b.old], b.measured), by_a)

@@ -61,7 +61,8 @@ class Verifier:
         if not known and not (self._may_be_partial(pair) and (yield from self._agrees(query, match, views, share))):
             return None
         partial = not known and held < self._config.sure_held_share
-        return Closure(pair.old, pair.new, match.pose, match.information, pair.shift_m > 0, partial)
+        witness = not known and held < self._config.min_held_share
+        return Closure(pair.old, pair.new, match.pose, match.information, pair.shift_m > 0, partial, witness)
 
     def _refined(
         self, query: LineScan, start: FloatArray, local_map: LocalMap, share: Share
@@ -96,7 +97,7 @@ class Verifier:
     ) -> Generator[None, None, bool]:
         """Enough points hold the query, and few are where the place is known to be empty."""
         config = self._config
-        if match.share < config.min_partial_share or self._held_share(query, match) < config.min_held_share:
+        if match.share < config.min_partial_share or self._held_share(query, match) < config.witness_held_share:
             return False
         through = yield from seen_through_share(
             self.thinned(query), match.pose, views, config.through_margin_m, config.through_margin_ratio, share

@@ -19,6 +19,7 @@ from station_gui.mapping.slam2d.share import result_at_once
 FloatArray = NDArray[np.float64]
 _CELL_M, _REACH_CELLS = 0.05, 8
 _NEAR = Candidate(0, 20, 1.0)
+_ROW = np.column_stack((np.arange(60.0), np.zeros(60), np.zeros(60)))  # poses of nodes
 
 
 def _wall(start: tuple[float, float], end: tuple[float, float], points: int = 60) -> tuple[FloatArray, FloatArray]:
@@ -59,6 +60,11 @@ def _verified(
     return result_at_once(lambda share: verifier.verified(pair, query, estimate, guess, local_map, views, share))
 
 
+def _closure(new: int, off_m: float, *, witness: bool = False) -> Closure:
+    """Partial, and `off_m` beside where `_ROW` has the new node."""
+    return Closure(0, new, _ROW[new] + (0.0, off_m, 0.0), np.eye(3), searched=True, partial=True, witness=witness)
+
+
 def test_what_is_known_for_the_most_part_is_a_whole_view() -> None:
     closure = _verified(_NEAR, _scan(_RIGHT, _FRONT), _scan(_RIGHT, _FRONT))
     assert closure is not None
@@ -75,6 +81,10 @@ def test_few_known_points_do_where_they_hold_the_robot_and_none_stands_in_free_s
     firm = _verified(_NEAR, _scan(_RIGHT, _FRONT), query)
     assert firm is not None
     assert not firm.partial
+    witness = _verified(_NEAR, _scan(_RIGHT, _FRONT), query, LoopConfig(sure_held_share=0.9, min_held_share=0.9))
+    assert witness is not None
+    assert not firm.witness
+    assert witness.witness
 
 
 def test_where_a_corridor_fits_as_well_at_the_estimate_nothing_says_how_far_along_it_is() -> None:
@@ -110,19 +120,30 @@ def test_the_search_wants_less_of_a_place_that_may_be_seen_from_another_side() -
 
 
 def test_a_partial_closure_needs_a_second_one_even_where_the_estimate_agrees() -> None:
-    poses = np.column_stack((np.arange(60.0), np.zeros(60), np.zeros(60)))
-    first, second = (Closure(0, new, poses[new], np.eye(3), searched=True, partial=True) for new in (50, 53))
+    first, second = _closure(50, 0.0), _closure(53, 0.0)
     jury = Jury(LoopConfig())
-    assert jury.judge(first, poses) == []
-    assert jury.judge(second, poses) == [first, second]
+    assert jury.judge(first, _ROW) == []
+    assert jury.judge(second, _ROW) == [first, second]
 
 
-def test_a_closure_that_rests_on_scans_of_another_one_does_not_confirm_it() -> None:
-    poses = np.column_stack((np.arange(60.0), np.zeros(60), np.zeros(60)))
-    jury = Jury(LoopConfig(query_neighbours=1))
+def test_a_closure_that_rests_on_scans_of_another_one_confirms_it_only_where_the_estimate_agrees_too() -> None:
+    far, near = Jury(LoopConfig(query_neighbours=1)), Jury(LoopConfig(query_neighbours=1))
     for new in (50, 51, 52):
-        closure = Closure(0, new, poses[new], np.eye(3), searched=True, partial=True)
-        assert jury.judge(closure, poses) == []
+        assert far.judge(_closure(new, 0.5), _ROW) == []
+    first, second = _closure(50, 0.2), _closure(51, 0.2)
+    assert near.judge(first, _ROW) == []
+    assert near.judge(_closure(50, 0.2), _ROW) == []  # nothing new
+    assert near.judge(second, _ROW)[0] is first
+
+
+def test_closures_that_hold_the_robot_loosely_confirm_others_but_not_each_other() -> None:
+    jury = Jury(LoopConfig())
+    loose = _closure(50, 0.2, witness=True)
+    assert jury.judge(loose, _ROW) == []
+    assert jury.judge(_closure(53, 0.2, witness=True), _ROW) == []
+    believed = jury.judge(_closure(54, 0.2), _ROW)
+    assert loose in believed
+    assert len(believed) == 3
 
 
 @pytest.mark.parametrize("most", [0, 1, 2])
