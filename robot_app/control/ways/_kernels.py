@@ -13,6 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from shared.heap._kernels import heap_pop, heap_push
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 _TURN = 2.0 * math.pi
@@ -33,48 +35,6 @@ def body_room(room_m: Floats, frame: Floats, discs: Floats, x: float, y: float, 
             return -math.inf
         least = min(least, room_m[i, j] - discs[0])
     return least
-
-
-@njit(nogil=True, cache=True)
-def _push(keys: Floats, items: Ints, size: int, key: float, item: int) -> int:
-    i = size
-    while i > 0:
-        parent = (i - 1) // 2
-        if keys[parent] <= key:
-            break
-        keys[i] = keys[parent]
-        items[i] = items[parent]
-        i = parent
-    keys[i] = key
-    items[i] = item
-    return size + 1
-
-
-@njit(nogil=True, cache=True)
-def _pop(keys: Floats, items: Ints, size: int) -> int:
-    """The item with the least key goes to index `size - 1`, which is returned as the new size."""
-    top_key = keys[0]
-    top_item = items[0]
-    last = size - 1
-    key = keys[last]
-    item = items[last]
-    i = 0
-    while True:
-        child = 2 * i + 1
-        if child >= last:
-            break
-        if child + 1 < last and keys[child + 1] < keys[child]:
-            child += 1
-        if keys[child] >= key:
-            break
-        keys[i] = keys[child]
-        items[i] = items[child]
-        i = child
-    keys[i] = key
-    items[i] = item
-    keys[last] = top_key
-    items[last] = top_item
-    return last
 
 
 @njit(nogil=True, cache=True)
@@ -113,9 +73,9 @@ def find_ways(
     state = _state(start[0], start[1], start[2], frame, cell_m, headings, rows, columns)
     if state >= 0:
         best[state] = 0.0
-    size = _push(keys, items, 0, 0.0, 0)
+    size = heap_push(keys, items, 0, 0.0, 0)
     while size > 0:
-        size = _pop(keys, items, size)
+        size = heap_pop(keys, items, size)
         here = items[size]
         x0, y0, t0 = nodes[here, 0], nodes[here, 1], nodes[here, 2]
         spent, last = nodes[here, 3], nodes[here, 4]
@@ -152,7 +112,7 @@ def find_ways(
             best[state] = total
             nodes[count, 0], nodes[count, 1], nodes[count, 2], nodes[count, 3], nodes[count, 4] = x, y, t, total, move
             parents[count] = here
-            size = _push(keys, items, size, total, count)
+            size = heap_push(keys, items, size, total, count)
             count += 1
     return count
 

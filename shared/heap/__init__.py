@@ -1,0 +1,1 @@
+"""A binary heap for searches in kernels."""
