@@ -16,10 +16,11 @@ import shutil
 import subprocess
 import sys
 import time
+from argparse import RawDescriptionHelpFormatter
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from shared.command_line import EXIT_FAILED, EXIT_OK, Refused, run, set_up_logging
+from shared.command_line import EXIT_FAILED, EXIT_OK, Parser, Refused, run, set_up_logging
 from station_gui.config import StationConfig, load_config
 from tools.demo_robot import LEFT_BEHIND, simulated_robot
 from tools.simulator.links import LINK_NAMES, LinkName
@@ -98,11 +99,14 @@ def _on_virtual_display() -> int:
 
 
 def _work() -> int:
+    parser = Parser(prog="demo", description=__doc__, formatter_class=RawDescriptionHelpFormatter)
+    parser.add_argument("--virtual", action="store_true", help="the display is a virtual one: play the mission")
+    is_virtual = parser.parse_args().virtual
     headless = os.environ.get("HEADLESS", "") not in {"", "0"}
     has_display = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
     say = _Say(time.monotonic())
     link = _link_name(os.environ.get("LINK", "") or "tcp")
-    if "--virtual" in sys.argv[1:]:
+    if is_virtual:
         _clear(OUT)
         logging.getLogger("station").setLevel(logging.INFO)
         return _play(load_config(None), find_scenario(_SCENARIO), link, OUT, say)
