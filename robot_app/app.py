@@ -334,7 +334,9 @@ class RobotApp:
         power = self._hardware.power.read(_READ_TIMEOUT_S)
         if power is not None:
             self._power.put(power, power.stamp_s)
-            if self._guard.take_battery(power.battery_v) and self._mission.state in RUNNING:
+            self._guard.take_battery(power.battery_v)
+            if self._guard.is_home_due and self._mission.state in RUNNING:
+                self._guard.sent_home()
                 _log.warning(
                     "the battery is low; %s", "driving to the start" if self._mission.go_home() else "going on"
                 )

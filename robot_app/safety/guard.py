@@ -24,6 +24,7 @@ class Guard:
         self._heat = BandWatch(config.over_temperature_c)
         self._weak = BandWatch(config.weak_battery_v)
         self._home = BandWatch(config.home_battery_v)
+        self._is_home_due = False
         self._battery = BandWatch(config.low_battery_v)
         self._battery_v = math.nan
         self._processor: tuple[str, ...] = ()
@@ -63,14 +64,22 @@ class Guard:
         self._heat.update(cpu_c)
         self._processor = throttling
 
-    def take_battery(self, battery_v: float) -> bool:
-        """Whether it is time to go home; said once, until the battery was changed."""
+    def take_battery(self, battery_v: float) -> None:
         before_v = battery_v if math.isnan(self._battery_v) else self._battery_v
         self._battery_v = before_v + _BATTERY_SHARE * (battery_v - before_v)
         was_low = self._home.inside
         for watch in (self._weak, self._home, self._battery):
             watch.update(self._battery_v)
-        return self._home.inside and not was_low
+        self._is_home_due = self._home.inside and (self._is_home_due or not was_low)
+
+    @property
+    def is_home_due(self) -> bool:
+        """The battery is low, and the car has not been sent home for it."""
+        return self._is_home_due
+
+    def sent_home(self) -> None:
+        """Whoever goes on after that knows what he does."""
+        self._is_home_due = False
 
     @property
     def spares_processor(self) -> bool:

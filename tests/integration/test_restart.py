@@ -8,7 +8,7 @@ from robot_app.app import RobotApp
 from robot_app.config import load_config
 from robot_app.mission_store import MissionStore
 from shared.link.loopback import loopback_pair
-from shared.messages import Command, Heartbeat, MissionState, NumberedCommand, Resume, Start, StopReason
+from shared.messages import Command, Heartbeat, MissionState, NumberedCommand, Pause, Resume, Start, StopReason
 from shared.protocol.codec import encode
 from shared.runtime.clock import ManualClock
 from shared.runtime.runner import LockstepRunner, Row
@@ -63,3 +63,18 @@ def test_a_mission_is_paused_by_a_start_of_the_app_and_goes_on_when_told(tmp_pat
     assert mission.state is MissionState.OBSERVE
     assert world.truth.distance_m - stood_m > 0.3
     assert mission.record.distance_m > 0.6
+
+
+def test_a_car_whose_battery_gets_low_while_it_is_paused_drives_home_once_it_goes_on(tmp_path: Path) -> None:
+    clock, world = ManualClock(), World(find_scenario("lab"), 1)
+    rig = Rig(world, clock, tmp_path)
+    rig.app.warm_up()
+    rig.run(3.0)
+    rig.run(3.0, Start())
+    rig.run(1.0, Pause())
+    world.battery._charge = 0.05
+    rig.run(15.0)  # the voltage is smoothed
+    mission = rig.app._mission
+    assert mission.state is MissionState.PAUSED
+    rig.run(2.0, Resume())
+    assert mission.state is MissionState.RETURN

@@ -59,9 +59,14 @@ def test_a_hot_processor_stops_the_car_until_it_has_cooled_down(guard: Guard) ->
 
 
 def test_a_battery_that_empties_warns_goes_home_and_stops(guard: Guard) -> None:
-    assert not guard.take_battery(6.15)
-    assert guard.warnings == ("battery low",)
-    assert [guard.take_battery(5.9) for _ in range(40)].count(True) == 1, "it is told once to go home"
+    guard.take_battery(6.15)
+    assert (guard.warnings, guard.is_home_due) == (("battery low",), False)
+    for _ in range(40):
+        guard.take_battery(5.9)
+    assert guard.is_home_due
+    guard.sent_home()
+    guard.take_battery(5.9)
+    assert not guard.is_home_due, "it is sent once"
     assert reason(guard) is StopReason.NONE
     for _ in range(40):
         guard.take_battery(5.4)
@@ -73,7 +78,13 @@ def test_a_voltage_that_sags_for_a_moment_is_no_empty_battery(guard: Guard) -> N
     for _ in range(4):
         guard.take_battery(5.2)
     assert reason(guard) is StopReason.NONE
-    assert not guard.take_battery(6.5)
+
+
+def test_another_battery_lets_the_car_stay_out(guard: Guard) -> None:
+    for volts in (5.9, 7.4):
+        for _ in range(40):
+            guard.take_battery(volts)
+    assert not guard.is_home_due
 
 
 def test_a_warm_processor_is_spared_until_it_has_cooled_down(guard: Guard) -> None:
