@@ -189,7 +189,7 @@ def test_the_station_notices_that_the_robot_is_gone(ends: Ends) -> None:
     robot, station = ends
     robot.close()
     with pytest.raises(LinkError):
-        for _ in range(20):
+        for _ in range(40):
             station.receive(0.1)
 
 
