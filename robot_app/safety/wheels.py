@@ -82,11 +82,12 @@ class WheelWatch:
     def _lone(self, left: int, right: int, speed_mps: float) -> WheelFault | None:
         if not (self._lone_left or self._lone_right):
             self.speed_before_mps = speed_mps
-        self._lone_left = 0 if right else self._lone_left + abs(left)
-        self._lone_right = 0 if left else self._lone_right + abs(right)
-        if self._lone_right >= self._config.lone_ticks:
+        # With their signs: a car that stands on the edge of a tick counts it to and fro.
+        self._lone_left = 0 if right else self._lone_left + left
+        self._lone_right = 0 if left else self._lone_right + right
+        if abs(self._lone_right) >= self._config.lone_ticks:
             return WheelFault.LEFT
-        return WheelFault.RIGHT if self._lone_left >= self._config.lone_ticks else None
+        return WheelFault.RIGHT if abs(self._lone_left) >= self._config.lone_ticks else None
 
     def _silent(
         self, now_s: float, left: int, right: int, speed_mps: float, setting: DriveSetting | None

@@ -47,6 +47,11 @@ def test_an_encoder_that_does_not_count_is_named_within_25_mm(
     assert found[1] is fault
 
 
+def test_a_car_that_stands_on_the_edge_of_a_tick_has_two_sound_encoders(watch: WheelWatch) -> None:
+    still = DriveSetting(0.0, 0.0)
+    assert not any(watch.update(EncoderCount(i / 100, 7, 40 + i % 2), 0.0, 0.0, still) for i in range(200))
+
+
 def test_both_that_fall_silent_while_the_motor_pushes_are_noticed_within_a_tenth_of_a_second(watch: WheelWatch) -> None:
     found = first_fault(watch, counts(1.0, 0.0, 0.0), 0.0)
     assert found is not None
