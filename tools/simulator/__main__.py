@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import logging
-import os
 import secrets
 import sys
 import threading
@@ -20,6 +19,7 @@ from robot_app.service import ServiceManager
 from shared.command_line import Parser, Refused, port_number, run, seed, set_up_logging
 from shared.runtime.clock import MonotonicClock
 from tools.simulator.drivers import RealTimePump, SimulatedHardware
+from tools.simulator.parent import stop_with_parent
 from tools.simulator.robots import with_robot
 from tools.simulator.scenario import ROBOT_NAMES, Scenario, find_scenario, scenario_names
 from tools.simulator.truth import write_truth
@@ -90,15 +90,9 @@ def _work(args: argparse.Namespace) -> int:
         _make(folder)
     stop = stop_on_signals()
     if args.until_eof:
-        threading.Thread(target=_wait_for_eof, args=(stop,), name="parent", daemon=True).start()
+        stop_with_parent(stop)
     simulate(scenario, config, args, stop)
     return 0
-
-
-def _wait_for_eof(stop: threading.Event) -> None:
-    while os.read(sys.stdin.fileno(), 4096):  # a thread in `read` of a buffer would break the end of the process
-        pass
-    stop.set()
 
 
 def _make(folder: Path | None) -> None:

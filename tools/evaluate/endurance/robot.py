@@ -7,7 +7,6 @@ import contextlib
 import json
 import os
 import sys
-import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +21,7 @@ from robot_app.service import ServiceManager
 from shared.command_line import run, set_up_logging
 from shared.runtime.runner import TaskHealth
 from tools.evaluate.endurance.remote import RemoteSimulator, SharedClock
+from tools.simulator.parent import stop_with_parent
 
 _NICE = -10
 
@@ -63,7 +63,7 @@ def _work(args: argparse.Namespace) -> int:
         ready = {"port": opened.port or 0, "robot": os.getpid(), "simulator": simulator.process_id}
         args.says.write_text(json.dumps(ready) + "\n", "utf-8")
 
-    threading.Thread(target=_end_with_input, args=(stop,), name="parent", daemon=True).start()
+    stop_with_parent(stop)
     health = run_robot(app, clock, stop, ServiceManager(None), announce, take_priority)
     figures = _figures(health, clock.now_s() - began_s)
     args.figures.write_text(json.dumps({**figures, "simulator": simulator.close()}), "utf-8")
@@ -75,12 +75,6 @@ def _go_first() -> None:
     """As a service its tasks that drive have FIFO priority; this is what may be had without."""
     with contextlib.suppress(PermissionError):
         os.nice(_NICE)
-
-
-def _end_with_input(stop: threading.Event) -> None:
-    while sys.stdin.buffer.read(4096):
-        continue
-    stop.set()
 
 
 def main() -> int:

@@ -30,6 +30,7 @@ from shared.runtime.runner import Task
 from tools.evaluate.endurance.remote import RemoteSimulator, SharedClock
 from tools.simulator.devices.gpio import GpioChip
 from tools.simulator.devices.pwm import PwmFolder
+from tools.simulator.parent import stop_with_parent
 
 _HOUR_S = 3600.0
 
@@ -93,17 +94,11 @@ def _work(folder: Path, says: Path) -> int:
         simulator.start()
         says.write_text(json.dumps({"port": opened.port or 0, "robot": os.getpid()}) + "\n", "utf-8")
 
-    threading.Thread(target=_end_with_input, args=(stop,), name="parent", daemon=True).start()
+    stop_with_parent(stop)
     run_robot(app, clock, stop, ServiceManager(None), announce)
     simulator.close()
     opened.link.close()
     return 0
-
-
-def _end_with_input(stop: threading.Event) -> None:
-    while sys.stdin.buffer.read(4096):
-        continue
-    stop.set()
 
 
 def main() -> int:

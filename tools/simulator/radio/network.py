@@ -14,6 +14,7 @@ from pathlib import Path
 from shared.command_line import EXIT_OK, Parser, Refused, run, seed, set_up_logging
 from shared.link.radio_config import RadioConfig
 from tools.simulator.devices.mega_build import MegaUnavailableError
+from tools.simulator.parent import wait_for_parent
 from tools.simulator.radio.live import LiveRadios
 
 
@@ -25,8 +26,7 @@ def _work(args: argparse.Namespace) -> int:
     with radios:
         ports = {"robot": radios.robot_ports, "station": [f"{radios.station_port}:{letter}" for letter in "AB"]}
         args.file.write_text(f"{json.dumps(ports)}\n", "utf-8")
-        while sys.stdin.buffer.read(4096):
-            pass
+        wait_for_parent()
     return EXIT_OK
 
 
