@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,6 +30,7 @@ from shared.runtime.clock import Clock
 _PATIENCE_S = 3.0
 _HOT_C = 75.0  # a Pi slows down from 80 on
 _EARTH_UT = (20.0, 70.0)
+_MEASURES_NOTHING = "opens, but measures nothing; check its supply"
 _RADIO_PATIENCE_S = 15.0  # at any baud rate, in any state
 _COLUMNS = ("device", "where", "found", "what it says, or what to do")
 
@@ -100,11 +102,8 @@ def _where_the_drive_is(c: DeviceConfig) -> str:
 
 def _drive(c: DeviceConfig, body: CarGeometry | OmniGeometry, clock: Clock) -> str:
     is_car = isinstance(body, CarGeometry)
-    drive = open_drive(c, body, clock)
-    try:
+    with closing(open_drive(c, body, clock)) as drive:
         drive.set(DriveSetting(0.0, 0.0) if is_car else OmniSetting((0.0, 0.0, 0.0)))
-    finally:
-        drive.close()
     if not is_car:
         return "the three motors are free; which way each turns shows while driving by hand, lifted"
     return "the front wheels must stand straight now; if not: robot-app calibrate steering"
@@ -121,22 +120,16 @@ def _thermometer(c: DeviceConfig, clock: Clock) -> str:
 
 
 def _power(c: DeviceConfig, clock: Clock) -> str:
-    monitor = Ads1115(c.power, clock)
-    try:
+    with closing(Ads1115(c.power, clock)) as monitor:
         sample = monitor.read(_PATIENCE_S)
-    finally:
-        monitor.close()
     return f"battery {sample.battery_v:.2f} V, motor {sample.motor_current_a:+.2f} A; compare with a multimeter"
 
 
 def _imu(c: DeviceConfig, clock: Clock) -> str:
-    imu = Lsm9ds1(c.imu, clock)
-    try:
+    with closing(Lsm9ds1(c.imu, clock)) as imu:
         sample = imu.read(_PATIENCE_S)
-    finally:
-        imu.close()
     if sample is None:
-        raise DeviceError("opens, but measures nothing; check its supply")
+        raise DeviceError(_MEASURES_NOTHING)
     x, y, z = sample.acceleration_mps2
     text = f"acceleration {x:+.2f} {y:+.2f} {z:+.2f} m/s² forward, left, up"
     if abs(z - 9.8) < 1.5 and math.hypot(x, y) < 1.5:
@@ -145,13 +138,10 @@ def _imu(c: DeviceConfig, clock: Clock) -> str:
 
 
 def _magnetometer(c: DeviceConfig, clock: Clock) -> str:
-    magnetometer = Lsm9ds1Magnetometer(c.magnetometer, clock)
-    try:
+    with closing(Lsm9ds1Magnetometer(c.magnetometer, clock)) as magnetometer:
         sample = magnetometer.read(_PATIENCE_S)
-    finally:
-        magnetometer.close()
     if sample is None:
-        raise DeviceError("opens, but measures nothing; check its supply")
+        raise DeviceError(_MEASURES_NOTHING)
     size_ut = math.hypot(*sample.field_ut)
     text = f"{size_ut:.0f} µT, north {math.degrees(sample.north_rad):+.0f}° to the left"
     if _EARTH_UT[0] <= size_ut <= _EARTH_UT[1]:
@@ -160,17 +150,13 @@ def _magnetometer(c: DeviceConfig, clock: Clock) -> str:
 
 
 def _encoders(c: DeviceConfig, clock: Clock) -> str:
-    encoders = open_encoders(c, clock)
-    encoders.close()
+    open_encoders(c, clock).close()
     return "the lines are free; robot-app calibrate encoders tells whether and how they count"
 
 
 def _scanner(c: DeviceConfig, clock: Clock) -> str:
-    scanner = HokuyoScanner(c.scanner, clock)
-    try:
+    with closing(HokuyoScanner(c.scanner, clock)) as scanner:
         scan = scanner.read(_PATIENCE_S)
-    finally:
-        scanner.close()
     if scan is None:
         raise DeviceError("opens, but sends only one scan; check its supply")
     identity = scanner.identity
@@ -182,14 +168,11 @@ def _scanner(c: DeviceConfig, clock: Clock) -> str:
 
 
 def _camera(c: DeviceConfig, clock: Clock) -> str:
-    camera = RealSenseCamera(c.camera, clock)
-    try:
+    with closing(RealSenseCamera(c.camera, clock)) as camera:
         due_s = clock.now_s() + c.camera.start_up_s
         image = camera.read(_PATIENCE_S)
         while image is None and clock.now_s() < due_s:
             image = camera.read(_PATIENCE_S)
-    finally:
-        camera.close()
     if image is None:
         raise DeviceError("opens, but sends no frames; is it plugged into a blue USB 3 port?")
     lens = camera.intrinsics
