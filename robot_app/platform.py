@@ -16,9 +16,7 @@ from shared.messages import Hello, ScanGeometry
 
 _MOST_MOTORS = 3
 _ROLLS_MPS = 0.03
-_LONE_MPS = (
-    0.02  # of a wheel that is silent while another rolls: stalled, if it lasts; the gyro tells a dead encoder sooner
-)
+_LONE_MPS = 0.02  # of a wheel that is silent while another rolls: the gyro tells a dead encoder sooner than a stall
 
 
 class AnyPilot(Protocol):
