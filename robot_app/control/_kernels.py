@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from shared.geometry.field._kernels import bilinear
+from shared.geometry.field._kernels import bilinear, to_distances
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -112,56 +112,17 @@ def collect_points(
 
 
 @njit(nogil=True, cache=True)
-def _lower_envelope(row: Floats, result: Floats, hull: Ints, border: Floats) -> None:
-    """One line of the squared distance transform (Felzenszwalb and Huttenlocher 2012, algorithm 1)."""
-    n = len(row)
-    k = 0
-    hull[0] = 0
-    border[0] = -math.inf
-    border[1] = math.inf
-    for q in range(1, n):
-        cut = ((row[q] + q * q) - (row[hull[k]] + hull[k] * hull[k])) / (2.0 * q - 2.0 * hull[k])
-        while cut <= border[k]:
-            k -= 1
-            cut = ((row[q] + q * q) - (row[hull[k]] + hull[k] * hull[k])) / (2.0 * q - 2.0 * hull[k])
-        k += 1
-        hull[k] = q
-        border[k] = cut
-        border[k + 1] = math.inf
-    k = 0
-    for q in range(n):
-        while border[k + 1] < q:
-            k += 1
-        result[q] = (q - hull[k]) * (q - hull[k]) + row[hull[k]]
-
-
-@njit(nogil=True, cache=True)
 def distance_field(points_m: Floats, left_m: float, low_m: float, cell_m: float, far_m: float, field_m: Floats) -> None:
     """Write into `field_m` (S, S) how far each cell's centre is from the nearest cell with a point, at most `far_m`."""
     size = len(field_m)
     far = far_m / cell_m
-    hull = np.empty(size, np.int64)
-    border = np.empty(size + 1)
-    line = np.empty(size)
-    result = np.empty(size)
     field_m.fill(far * far)
     for k in range(len(points_m)):
         j = math.floor((points_m[k, 0] - left_m) / cell_m)
         i = math.floor((points_m[k, 1] - low_m) / cell_m)
         if 0 <= i < size and 0 <= j < size:
             field_m[i, j] = 0.0
-    for j in range(size):
-        for i in range(size):
-            line[i] = field_m[i, j]
-        _lower_envelope(line, result, hull, border)
-        for i in range(size):
-            field_m[i, j] = result[i]
-    for i in range(size):
-        for j in range(size):
-            line[j] = field_m[i, j]
-        _lower_envelope(line, result, hull, border)
-        for j in range(size):
-            field_m[i, j] = cell_m * math.sqrt(result[j])
+    to_distances(field_m, cell_m)
 
 
 @njit(nogil=True, cache=True)

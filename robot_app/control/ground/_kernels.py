@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from robot_app.control._kernels import _lower_envelope
+from shared.geometry.field._kernels import to_distances
 
 Floats = NDArray[np.float64]
 Bytes = NDArray[np.int8]
@@ -177,31 +177,6 @@ def count_tries(evidence: Bytes, tries: Counts, marks: Marks, mark: int, box: ND
 
 
 @njit(nogil=True, cache=True)
-def _distances(field: Floats, cell_m: float) -> None:
-    """From squared cells, 0 where something is, to metres, in place."""
-    rows, columns = field.shape
-    most = max(rows, columns)
-    hull = np.empty(most, np.int64)
-    border = np.empty(most + 1)
-    line = np.empty(rows)
-    result = np.empty(rows)
-    for j in range(columns):
-        for i in range(rows):
-            line[i] = field[i, j]
-        _lower_envelope(line, result, hull, border)
-        for i in range(rows):
-            field[i, j] = result[i]
-    wide = np.empty(columns)
-    wide_result = np.empty(columns)
-    for i in range(rows):
-        for j in range(columns):
-            wide[j] = field[i, j]
-        _lower_envelope(wide, wide_result, hull, border)
-        for j in range(columns):
-            field[i, j] = cell_m * math.sqrt(wide_result[j])
-
-
-@njit(nogil=True, cache=True)
 def room_for_body(
     evidence: Bytes, box: NDArray[np.int64], cell_m: float, margin_m: float, room_m: Floats, other_m: Floats
 ) -> None:
@@ -214,8 +189,8 @@ def room_for_body(
             value = evidence[box[0] + i, box[2] + j]
             room_m[i, j] = 0.0 if value > 0 else far
             other_m[i, j] = 0.0 if value == 0 else far
-    _distances(room_m, cell_m)
-    _distances(other_m, cell_m)
+    to_distances(room_m, cell_m)
+    to_distances(other_m, cell_m)
     for i in range(rows):
         for j in range(columns):
             room_m[i, j] = min(room_m[i, j] - margin_m, other_m[i, j])

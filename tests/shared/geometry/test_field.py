@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import distance_transform_edt, map_coordinates
 
-from shared.geometry.field._kernels import bilinear
+from shared.geometry.field._kernels import bilinear, to_distances
 
 
 def test_values_between_cells_are_bilinear() -> None:
@@ -18,3 +18,18 @@ def test_values_between_cells_are_bilinear() -> None:
 def test_at_a_cell_the_value_is_its_own() -> None:
     field = np.arange(12.0).reshape(3, 4)
     assert bilinear(field, 2.0, 1.0) == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (30, 45), (45, 30)])
+def test_distances_are_those_of_scipy(shape: tuple[int, int]) -> None:
+    free = np.random.default_rng(2).uniform(size=shape) > 0.03
+    free[0, 0] = False
+    field = np.where(free, 1e4, 0.0)
+    to_distances(field, 0.05)
+    np.testing.assert_allclose(field, 0.05 * distance_transform_edt(free), atol=1e-12)
+
+
+def test_no_distance_is_greater_than_the_bound() -> None:
+    field = np.full((4, 5), 9.0)
+    to_distances(field, 0.1)
+    np.testing.assert_allclose(field, 0.3)
