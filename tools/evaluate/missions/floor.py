@@ -19,7 +19,7 @@ from shared.geometry.se2 import Pose2
 from tools.evaluate.goals.reachable import reach_of
 from tools.evaluate.missions import _kernels
 from tools.simulator.scenario import Scenario
-from tools.simulator.truth import true_surfaces
+from tools.simulator.solids import solids_of
 
 CELL_M = 0.05
 _MARGIN_M = 0.05
@@ -37,7 +37,7 @@ class Floor:
 
     def __init__(self, scenario: Scenario, body: CarGeometry | OmniGeometry) -> None:
         self._scenario = scenario
-        self._segments = np.ascontiguousarray(true_surfaces(scenario).segments_m.reshape(-1, 4))
+        self._segments = _outlines_m(scenario)
         self.reach = reach_of(scenario, body, scenario.start.room_from_robot, _MARGIN_M)
         self.reachable = self._look(thinned(self.reach.poses_m(), _PLACE_M, _HEADINGS))
 
@@ -66,6 +66,12 @@ class Floor:
             seen,
         )
         return seen
+
+
+def _outlines_m(scenario: Scenario) -> NDArray[np.float64]:
+    """(S, 4): all faces at the height of the scanner; also where things touch, or beams would get in between them."""
+    outlines = [solid.corners_m() for solid in solids_of(scenario) if solid.reaches(scenario.body.scanner_z_m)]
+    return np.concatenate([np.hstack((corners, np.roll(corners, -1, axis=0))) for corners in outlines])
 
 
 def thinned(poses: NDArray[np.float64], place_m: float, headings: int) -> NDArray[np.float64]:

@@ -32,6 +32,14 @@ def test_floor_behind_a_wall_across_the_room_does_not_count() -> None:
     assert not floor.reachable[:, int(2.1 / CELL_M) :].any()
 
 
+@pytest.mark.parametrize("gap_m", [0.0, 0.0005])
+def test_the_inside_of_boxes_that_touch_is_no_floor(gap_m: float) -> None:
+    left, right = Item("left", (1.5 - gap_m, 1.0), (0.4, 0.6, 0.5)), Item("right", (1.9, 0.9), (0.4, 0.6, 0.5))
+    reachable = Floor(scenario(left, right), CAR).reachable
+    inside = (slice(round(0.75 / CELL_M), round(1.2 / CELL_M) - 1), slice(round(1.35 / CELL_M), round(2.05 / CELL_M)))
+    assert not reachable[inside].any()
+
+
 def test_a_rearranged_lab_has_all_its_things_elsewhere_and_room_for_the_car() -> None:
     lab = find_scenario("lab")
     room = rearranged(lab, CAR, np.random.default_rng(7))
