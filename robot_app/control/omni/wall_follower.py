@@ -118,7 +118,7 @@ class OmniWallFollower:
     def reset(self) -> None:
         """Begin a new lap wherever the robot is."""
         self._state = WallState.SEARCH
-        self._lap = Lap(self._config.lap)
+        self._lap = Lap(self._config.lap, self._config.side)
         self._has_looked_round = False
         self._carrot_m: NDArray[np.float64] | None = None  # odom frame, of the last step
         self._course_rad: float | None = None  # odom frame, where the way leads that it does not face yet
@@ -130,7 +130,7 @@ class OmniWallFollower:
         config, lap = self._config, self._lap
         lap.travel(odom_from_robot)
         if not self._has_looked_round:
-            self._has_looked_round = abs(lap.turned_rad) >= math.tau
+            self._has_looked_round = abs(lap.heading_turned_rad) >= math.tau
             return OmniWallStep(Twist(0.0, 0.0, -config.side * config.look_round_radps), self._state)
         if self._state is WallState.LEAVE and not self._has_crossed(odom_from_robot, clearance_ahead_m):
             return self._cross(odom_from_robot, clearance_ahead_m)
@@ -182,11 +182,11 @@ class OmniWallFollower:
         return float(np.interp(level, (0, 1, 2, 3), (0.0, config.slow_mps, config.medium_mps, config.fast_mps)))
 
     def _judge_lap(self, pose: Pose2) -> None:
-        """A lap of the room turns the robot once towards the open side; a lap of an island the other way.
+        """A lap of the room turns its way once towards the open side; a lap of an island the other way.
 
         It leaves an island as it came there, or across, where it has not come from afar.
         """
-        turns = 0.0 if self._state is WallState.DONE else -self._config.side * self._lap.turns_round()
+        turns = 0.0 if self._state is WallState.DONE else self._lap.turns_round()
         if turns > 0:
             self._state = WallState.DONE
         elif turns < 0:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
+import pytest
 
 from robot_app.control.omni.lap import Lap, LapConfig
 from shared.geometry.se2 import Pose2
@@ -29,9 +30,9 @@ def corridor(length_m: float, laps: float, drift_rad_per_m: float = 0.0, swerve_
             yield Pose2(x, y, theta)
 
 
-def closed_after_m(poses: Iterable[Pose2]) -> tuple[float, float]:
-    """The way until the lap is closed, infinite if it is not, and how often it turned."""
-    lap = Lap(LapConfig())
+def closed_after_m(poses: Iterable[Pose2], side: int = -1) -> tuple[float, float]:
+    """The way until the lap is closed, infinite if it is not, and how often it turned away from the wall."""
+    lap = Lap(LapConfig(), side)
     for pose in poses:
         lap.travel(pose)
         turns = lap.turns_round()
@@ -60,9 +61,38 @@ def test_bends_round_things_on_the_way_back_do_not_close_it_before() -> None:
     assert way_m > 50.0
 
 
-def test_the_other_way_round_counts_to_the_other_side() -> None:
-    mirrored = (Pose2(p.x_m, -p.y_m, -p.theta_rad) for p in corridor(2.0, 2.0))
-    assert closed_after_m(mirrored)[1] < -0.7
+def mirrored(poses: Iterable[Pose2]) -> Iterable[Pose2]:
+    return (Pose2(p.x_m, -p.y_m, -p.theta_rad) for p in poses)
+
+
+def test_round_an_island_it_turns_towards_the_wall() -> None:
+    assert closed_after_m(mirrored(corridor(2.0, 2.0)))[1] < -0.7
+    assert closed_after_m(corridor(2.0, 2.0), side=1)[1] < -0.7
+
+
+def test_with_the_wall_at_the_left_a_room_is_gone_round_the_other_way() -> None:
+    assert closed_after_m(mirrored(corridor(4.0, 1.6)), side=1)[1] > 0.7
+
+
+def with_dead_end(turn_rad: float) -> Iterable[Pose2]:
+    """A lap of the corridor, left-handed, into a slot of 1 m and straight back on the way, turning round there by
+    `turn_rad`; and where it leaves the slot, by a right angle to the left again."""
+    x = y = theta = 0.0
+    for leg_m, corner_rad in ((4.0, -math.pi / 2), (1.0, turn_rad), (1.0, -math.pi / 2), (4.0, math.pi / 2),
+                              (2.0, math.pi / 2), (8.0, math.pi / 2), (2.0, math.pi / 2), (8.0, 0.0)):  # fmt: skip
+        for _ in range(round(leg_m / STEP_M)):
+            x, y = x + STEP_M * math.cos(theta), y + STEP_M * math.sin(theta)
+            yield Pose2(x, y, theta)
+        for _ in range(10):
+            theta += corner_rad / 10
+            yield Pose2(x, y, theta)
+
+
+@pytest.mark.parametrize("turn_rad", [math.pi, 0.98 * math.pi, -0.98 * math.pi, -math.pi])
+def test_to_which_side_it_turns_round_in_a_dead_end_does_not_matter(turn_rad: float) -> None:
+    way_m, turns = closed_after_m(with_dead_end(turn_rad))
+    assert 21.0 < way_m < 27.0
+    assert turns == pytest.approx(1.0, abs=0.15)
 
 
 def test_standing_and_turning_on_the_spot_closes_nothing() -> None:
