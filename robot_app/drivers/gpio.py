@@ -48,6 +48,11 @@ class GpioOutputs:
         except (OSError, ValueError) as error:
             raise DeviceError(f"{self._name}: {advice(error)}") from error
 
+    @property
+    def file_descriptor(self) -> int:
+        """Whoever has it can set the lines."""
+        return int(self._request.fd)
+
     def set(self, *high: bool) -> None:
         request = self._request
         if request is None:

@@ -13,6 +13,7 @@ import select
 import subprocess
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from robot_app.drivers.base import DeviceError
@@ -24,18 +25,31 @@ _STARTS_WITHIN_S = 5.0
 _ENDS_WITHIN_S = 1.0
 
 
-class Guardian:
-    """`duty_files`: a zero in each of them cuts the motors. Raises `DeviceError` where nothing guards them."""
+@dataclass(frozen=True, slots=True)
+class Will:
+    """What is to brake the car when the app is gone: a pulse of the first motor, and the levels of its two lines."""
 
-    def __init__(self, duty_files: Sequence[Path]) -> None:
+    push_ns: int
+    levels: tuple[bool, bool]
+
+
+class Guardian:
+    """`duty_files`: a zero in each of them cuts the motors. `lines_fd`: of the direction lines of the first, where the
+    guardian shall brake. Raises `DeviceError` where nothing guards them.
+    """
+
+    def __init__(self, duty_files: Sequence[Path], lines_fd: int | None = None) -> None:
         self._alive_fd: int | None = None
-        command = [sys.executable, "-I", "-S", "-B", program.__file__, str(SILENCE_S), str(_priority())]
+        lines = program.NO_LINES if lines_fd is None else lines_fd
+        arguments = (SILENCE_S, _priority(), lines, *duty_files)
+        command = [sys.executable, "-I", "-S", "-B", program.__file__, *map(str, arguments)]
         reading, writing = os.pipe()
         try:
             self._process = subprocess.Popen(
-                [*command, *map(str, duty_files)],
+                command,
                 stdin=reading,
                 stdout=subprocess.PIPE,
+                pass_fds=() if lines_fd is None else (lines_fd,),
                 start_new_session=True,  # Ctrl-C is for the app
             )
         except OSError as error:
@@ -51,14 +65,14 @@ class Guardian:
     def process_id(self) -> int:
         return self._process.pid
 
-    def alive(self) -> None:
+    def alive(self, will: Will | None = None) -> None:
         """The app is about to set the motors. Raises `DeviceError` when the guardian has ended: nothing moves then."""
         if self._alive_fd is None:
             raise DeviceError("drive: is closed")
         try:
-            os.write(self._alive_fd, b".")
+            os.write(self._alive_fd, _record(will))
         except BlockingIOError:
-            return  # the pipe is full of such bytes
+            return  # the pipe is full of such records
         except OSError as error:
             raise DeviceError("drive: the process that guards the motors has ended; start the app again") from error
 
@@ -83,6 +97,12 @@ class Guardian:
         if not ready or os.read(answer.fileno(), 1) != program.READY:
             self.close()
             raise DeviceError("drive: the process that guards the motors does not start")
+
+
+def _record(will: Will | None) -> bytes:
+    if will is None:
+        return program.WILL.pack(0, 0)
+    return program.WILL.pack(will.push_ns, sum(high << i for i, high in enumerate(will.levels)))
 
 
 def _priority() -> int:

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from robot_app.drivers.ackermann_drive import AckermannDrive
 from robot_app.drivers.base import DeviceError, DriveSetting
 from robot_app.drivers.config import DriveConfig
+from robot_app.drivers.guardian.guardian import Guardian, Will
 from shared.geometry.ackermann import CarGeometry
 from shared.runtime.clock import ManualClock
 from tools.simulator.devices.gpio import GpioChip
@@ -55,6 +56,42 @@ def test_forward_left_and_backward_right(drive: AckermannDrive, pwm: PwmFolder, 
     assert drive.set(DriveSetting(-0.2, -0.25)) == DriveSetting(-0.2, -0.25)
     assert pwm.pulse_us(SERVO) == 1340
     assert (pwm.value(MOTOR, "duty_cycle"), lines(gpio)) == (10_000, (0, 1))
+
+
+def test_what_the_guardian_is_to_do_is_to_push_against_the_way_as_long_as_the_car_rolls(
+    config: DriveConfig, car: CarGeometry, gpio: GpioChip, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wills: list[Will | None] = []
+
+    def keep(_: Guardian, will: Will | None = None) -> None:
+        wills.append(will)
+
+    monkeypatch.setattr(Guardian, "alive", keep)
+    clock = ManualClock()
+    with closing(AckermannDrive(config, car, clock)) as drive:
+        for _ in range(40):
+            clock.advance(0.02)
+            drive.set(DriveSetting(0.5, 0.0))
+        rolling, rest = wills[-1], DriveSetting(0.0, 0.0)
+        assert rolling is not None
+        assert rolling.levels == (False, True)
+        assert rolling.push_ns == pytest.approx(1.6 * 0.5 * 50_000, rel=0.02)
+        for _ in range(20):
+            clock.advance(0.02)
+            drive.set(rest)
+        assert wills[-1] is not None
+        assert wills[-1].push_ns < 0.05 * rolling.push_ns
+        drive.set(DriveSetting(0.5, 0.0))
+        drive.stop()
+        assert wills[-1] is None
+
+
+def test_lines_that_somebody_has_turned_round_are_set_again(drive: AckermannDrive, gpio: GpioChip) -> None:
+    drive.set(DriveSetting(0.5, 0.0))
+    gpio.set(FORWARD, 0)
+    gpio.set(REVERSE, 1)
+    drive.set(DriveSetting(0.5, 0.0))
+    assert lines(gpio) == (1, 0)
 
 
 def test_limits_are_applied_and_returned(config: DriveConfig, car: CarGeometry, gpio: GpioChip, pwm: PwmFolder) -> None:
