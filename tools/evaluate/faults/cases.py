@@ -9,15 +9,21 @@ from typing import Any
 
 import numpy as np
 
+from robot_app import schedule
 from robot_app.drivers.base import EncoderCount, ImuSample, PowerSample, RawScan, TemperatureSample
+from shared.runtime.runner import Row
 from tools.simulator.faults import Fault, FaultKind
 from tools.simulator.lockstep import Lockstep
 
 FOR_EVER = math.inf
 _A_WHILE_S = 3.0
 _WATCHED_S = 6.5
+LIMIT_S = 0.3  # from the loss of something that the car needs until it stands
+_SILENCE_LIMIT_S = 1.6  # until it stands because nobody speaks: a second, and what braking gently takes
+_SLOW_LIMIT_S = 2.0  # the same of a battery and of heat: their sensors are slow, and so are they
 _NEEDED = ("scanner", "imu", "encoders", "drive")
 _NOT_NEEDED = ("camera", "power", "thermometer")
+_STOPPING = (schedule.ODOMETRY, schedule.SCAN, schedule.CONTROL, schedule.COMMANDS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +38,7 @@ class Case:
     lasts_s: float = FOR_EVER
     resumes: bool = True
     watched_s: float = _WATCHED_S  # after the beginning
+    within_s: float = LIMIT_S  # where it must stand
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
@@ -168,10 +175,12 @@ def _power_and_heat() -> list[Case]:
 
     def battery(name: str, text: str, battery_v: float, stops: bool, lasts_s: float = FOR_EVER) -> Case:
         begin = _changed("power", volts(battery_v))
-        return Case(name, text, begin, _healed("power"), stops, lasts_s, resumes=not stops, watched_s=12.0)
+        resumes = not stops
+        return Case(name, text, begin, _healed("power"), stops, lasts_s, resumes, 12.0, _SLOW_LIMIT_S)
 
     def heat(name: str, text: str, cpu_c: float, stops: bool) -> Case:
-        return Case(name, text, _changed("thermometer", degrees(cpu_c)), _healed("thermometer"), stops, 5.0)
+        begin = _changed("thermometer", degrees(cpu_c))
+        return Case(name, text, begin, _healed("thermometer"), stops, 5.0, within_s=_SLOW_LIMIT_S)
 
     return [
         battery("battery-low", "battery at 6.1 V", 6.1, False),
@@ -190,8 +199,8 @@ def _links() -> list[Case]:
         system.mend_link()
 
     return [
-        Case("link-3s", "link dead for 3 s", cut, mend, True, _A_WHILE_S, watched_s=12.0),
-        Case("link", "link dead for 17 s", cut, mend, True, 17.0, resumes=False, watched_s=24.0),
+        Case("link-3s", "link dead for 3 s", cut, mend, True, _A_WHILE_S, True, 12.0, _SILENCE_LIMIT_S),
+        Case("link", "link dead for 17 s", cut, mend, True, 17.0, False, 24.0, _SILENCE_LIMIT_S),
     ]
 
 
@@ -202,17 +211,19 @@ def _tasks() -> list[Case]:
     def fail() -> None:
         raise RuntimeError("a bug")
 
-    def case(name: str, text: str, row: str, step: Callable[[], None], stops: bool) -> Case:
+    def case(name: str, text: str, row: Row, step: Callable[[], None]) -> Case:
         before: list[Callable[[], None]] = []
 
         def begin(system: Lockstep) -> None:
-            before.append(system.replace_step(row, step))
+            before.append(system.replace_step(row.name, step))
 
         def end(system: Lockstep) -> None:
-            system.replace_step(row, before.pop())
+            system.replace_step(row.name, before.pop())
 
-        return Case(name, text, begin, end, stops, _A_WHILE_S)
+        stops = row in _STOPPING
+        within_s = _SILENCE_LIMIT_S if row is schedule.COMMANDS else LIMIT_S
+        return Case(name, text, begin, end, stops, _A_WHILE_S, within_s=within_s)
 
-    rows = ("odometry", "scan", "control", "commands", "depth")
-    hanging = [case(f"{row}-hung", f"task {row} hangs for 3 s", row, hang, row != "depth") for row in rows]
-    return [*hanging, case("control-fails", "task control raises for 3 s", "control", fail, stops=True)]
+    hanging = [case(f"{row.name}-hung", f"task {row.name} hangs for 3 s", row, hang) for row in schedule.TABLE]
+    failing = [case(f"{row.name}-fails", f"task {row.name} raises for 3 s", row, fail) for row in schedule.TABLE]
+    return [*hanging, *failing]

@@ -19,11 +19,9 @@ import numpy as np
 
 from shared.command_line import EXIT_FAILED, EXIT_OK, Refused, seed
 from tools.evaluate.depth.tables import replace_between
-from tools.evaluate.faults.cases import Case, cases
+from tools.evaluate.faults.cases import LIMIT_S, Case, cases
 from tools.evaluate.faults.live import LIVE_CASES, LiveOutcome, try_live
 from tools.evaluate.faults.trial import Outcome, try_case
-
-LIMIT_S = 0.3  # from a loss until the car stands
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -67,7 +65,8 @@ def _try_all(wanted: list[Case], number: int) -> Iterator[Outcome]:
 
 def _tried_live(name: str) -> LiveOutcome:
     outcome = try_live(name)
-    print(f"{name:24} cut after {_shown(outcome.cut_s)} s   {outcome.text}   {outcome.failure}", flush=True)
+    times = f"driven {_shown(outcome.driven_s)} s, moved {_shown(outcome.moved_s)} s"
+    print(f"{name:24} {times}   {outcome.text}   {outcome.failure}", flush=True)
     return outcome
 
 
@@ -103,13 +102,16 @@ def _table(outcomes: list[Outcome]) -> Iterator[str]:
     yield "| fault | motor on for | car moved for | the operator sees | in the end |"
     yield "|---|---|---|---|---|"
     for o in outcomes:
-        times = f"{_shown(o.driven_s)} s | {_shown(o.moved_s)} s" if math.isfinite(o.moved_s) else "– | –"
-        yield f"| {o.text} | {times} | {o.seen} | {o.after} |"
+        yield f"| {o.text} | {_times(o)} | {o.seen} | {o.after} |"
 
 
 def _live_table(live: list[LiveOutcome]) -> Iterator[str]:
-    yield "| fault | motor's PWM at zero after | the operator sees | in the end |"
-    yield "|---|---|---|---|"
+    yield "| fault | at | motor on for | car moved for | the operator sees | in the end |"
+    yield "|---|---|---|---|---|---|"
     for o in live:
-        cut = f"{1000 * o.cut_s:.0f} ms" if math.isfinite(o.cut_s) else "–"
-        yield f"| {o.text} | {cut} | {o.seen} | {o.after} |"
+        speed = f"{o.speed_mps:.2f} m/s" if math.isfinite(o.speed_mps) else "–"
+        yield f"| {o.text} | {speed} | {_times(o)} | {o.seen} | {o.after} |"
+
+
+def _times(o: Outcome | LiveOutcome) -> str:
+    return f"{_shown(o.driven_s)} s | {_shown(o.moved_s)} s" if math.isfinite(o.moved_s) else "– | –"

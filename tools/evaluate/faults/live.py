@@ -1,7 +1,7 @@
 """Faults that only a real process can have: it is killed, it hangs, its disk is full, its clock jumps.
 
-The app runs by the wall's time with its real drive, whose PWM is a folder that looks like the kernel's. What is looked
-at is the motor's duty in it, which stays as it is when the process that has written it is gone.
+The app runs by the wall's time with its real drive and the guardian, on emulated outputs. What is on these wires is
+written down; afterwards the simulated car drives by it, which tells how long it moved.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from robot_app.drivers.config import DriveConfig
 from shared.command_line import Refused
 from shared.messages import MissionState
 from shared.runtime.clock import MonotonicClock
@@ -26,23 +27,28 @@ from station_gui.config import load_config as load_station
 from station_gui.model.station import Station
 from station_gui.views.words import mission_sentence
 from tools.demo_robot import program
+from tools.evaluate.faults.cases import LIMIT_S
+from tools.evaluate.faults.wires import Ride, Wires, ride, watch
 
 _DRIVES_S, _LONGEST_S = 4.0, 60.0
 _WATCHED_S = 3.0
-_LOOK_S = 0.0005
-_ZERO_FOR_S = 0.1
+_BEFORE_S = 0.9  # so long the car needs to be as fast as it was
+_REST_S, _LOOK_EVERY_S = 0.0005, 0.1
 _STALE_AFTER_S = 1.5
-_MOTOR = Path("pwmchip0/pwm1/duty_cycle")
-_LIMIT_S = 0.3
+_DRIVES_DUTY = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class LiveOutcome:
-    """`cut_s`: from the fault until the motor's duty was zero and stayed so; NaN where it did not."""
+    """`driven_s`, `moved_s`: since the fault the wires told the motor to push along the way, and the simulated car
+    moved that was set by what was on them; NaN where it went on.
+    """
 
     name: str
     text: str
-    cut_s: float
+    speed_mps: float
+    driven_s: float
+    moved_s: float
     seen: str
     after: str
     failure: str
@@ -99,22 +105,33 @@ def try_live(name: str) -> LiveOutcome:
 
 
 def _try(name: str, case: _LiveCase, station: Station, robot: int, folder: Path) -> LiveOutcome:
-    motor = folder / _MOTOR
-    _get_going(station, motor)
+    wires = Wires(folder, DriveConfig())
+    _get_going(station, wires)
+    readings = watch(wires, time.monotonic() + _BEFORE_S, time.monotonic, _rest(station))
+    began_s = time.monotonic()
     case.strike(robot, folder)
-    cut_s = _time_to_zero_s(motor, station)
+    readings += watch(wires, began_s + _WATCHED_S, time.monotonic, _rest(station))
     _look(station, _WATCHED_S)
-    view, duty = station.view(), _duty(motor)
-    after = "the motor gets nothing" if duty == 0 else "goes on"
+    view, now = station.view(), wires.read()
+    driven = ride(readings, began_s) if case.stops else Ride(math.nan, math.nan, math.nan)
     failure = ""
-    if case.stops and not cut_s < _LIMIT_S:
-        failure = "the motor was not cut in time"
+    if case.stops and not (driven.moved_s <= LIMIT_S and now.duty == 0):
+        failure = f"it did not stand within {LIMIT_S} s"
     elif not case.stops and (view.telemetry is None or view.telemetry.state is MissionState.HALTED):
         failure = "the mission ended"
-    return LiveOutcome(name, case.text, cut_s, mission_sentence(view, _STALE_AFTER_S), after, failure)
+    return LiveOutcome(
+        name,
+        case.text,
+        driven.speed_mps,
+        driven.driven_s,
+        driven.moved_s,
+        mission_sentence(view, _STALE_AFTER_S),
+        "the motor gets nothing" if now.duty == 0 else "goes on",
+        failure,
+    )
 
 
-def _get_going(station: Station, motor: Path) -> None:
+def _get_going(station: Station, wires: Wires) -> None:
     began_s = going_s = time.monotonic()
     started_s = -math.inf
     while time.monotonic() - going_s < _DRIVES_S:
@@ -122,7 +139,7 @@ def _get_going(station: Station, motor: Path) -> None:
         if now_s - began_s > _LONGEST_S:
             raise Refused("the mission does not get going")
         standing = view.telemetry is None or view.telemetry.state in {MissionState.IDLE, MissionState.HALTED}
-        if standing or _duty(motor) == 0:
+        if standing or wires.read().duty < _DRIVES_DUTY:
             going_s = now_s
         if standing and view.telemetry is not None and now_s - started_s > 2.0:
             started_s = now_s
@@ -130,32 +147,25 @@ def _get_going(station: Station, motor: Path) -> None:
         time.sleep(0.05)
 
 
-def _time_to_zero_s(motor: Path, station: Station) -> float:
+def _rest(station: Station) -> Callable[[], None]:
     """The hand looks at the view meanwhile, as a window does: the robot must not stop for want of an operator."""
-    began_s, looked_s, zero_s = time.monotonic(), -math.inf, math.nan
-    while (now_s := time.monotonic()) - began_s < _WATCHED_S:
-        if _duty(motor) != 0:
-            zero_s = math.nan
-        elif math.isnan(zero_s):
-            zero_s = now_s
-        elif now_s - zero_s > _ZERO_FOR_S:
-            return zero_s - began_s
-        if now_s - looked_s > 0.1:
-            looked_s = now_s
+    looked_s = -math.inf
+
+    def rest() -> None:
+        nonlocal looked_s
+        if time.monotonic() - looked_s > _LOOK_EVERY_S:
+            looked_s = time.monotonic()
             station.view()
-        time.sleep(_LOOK_S)
-    return math.nan
+        time.sleep(_REST_S)
+
+    return rest
 
 
 def _look(station: Station, seconds: float) -> None:
     until_s = time.monotonic() + seconds
     while time.monotonic() < until_s:
         station.view()
-        time.sleep(0.1)
-
-
-def _duty(motor: Path) -> int:
-    return int(motor.read_text("ascii").split("\n")[0] or 0)
+        time.sleep(_LOOK_EVERY_S)
 
 
 def _let_end(robot: int) -> None:

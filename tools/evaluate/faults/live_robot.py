@@ -28,7 +28,7 @@ from robot_app.service import ServiceManager
 from shared.command_line import run, set_up_logging
 from shared.runtime.runner import Task
 from tools.evaluate.endurance.remote import RemoteSimulator, SharedClock
-from tools.simulator.devices.gpio import GpioChip
+from tools.evaluate.faults.wires import WiredChip, let_kernel_calls_find
 from tools.simulator.devices.pwm import PwmFolder
 from tools.simulator.parent import stop_with_parent
 
@@ -81,10 +81,12 @@ def _work(folder: Path, says: Path) -> int:
     signal.signal(signal.SIGUSR2, _jump)
     clock, config = SharedClock(start_s), load_config(None)
     assert isinstance(config, RobotConfig)
-    gpiod = GpioChip().library()
+    wires = DriveConfig(pwm_chip=str(PwmFolder(folder).path))
+    gpiod = WiredChip(folder, wires).library()
     sys.modules.update({"gpiod": gpiod, "gpiod.line": gpiod.line})  # type: ignore[dict-item]
     simulator = RemoteSimulator("lab", 1, start_s)
-    drive = AckermannDrive(DriveConfig(pwm_chip=str(PwmFolder(folder).path)), config.car, clock)
+    let_kernel_calls_find(folder)
+    drive = AckermannDrive(wires, config.car, clock)
     hardware = replace(simulator.hardware, drive=_Both(drive, simulator.hardware.drive))
     opened = open_link(replace(config, link=replace(config.link, port=0, bind="127.0.0.1")), clock)
     app = _HangingApp(hardware, opened.link, clock, config, 1, MissionStore(folder))

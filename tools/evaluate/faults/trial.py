@@ -149,6 +149,8 @@ def _failure(case: Case, system: Lockstep, motion: _Motion) -> str:
         return "a collision"
     if case.stops and not motion.has_stood:
         return "it did not stop"
+    if case.stops and motion.moved_s > case.within_s:
+        return f"it did not stand within {case.within_s} s"
     if not case.stops and motion.has_stood and not moves:
         return "it stopped"
     if case.stops and not case.resumes and moves:
