@@ -10,14 +10,16 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import islice
 
 from shared.geometry.se2 import Pose2, wrap_angle
 
 
 @dataclass(frozen=True, slots=True)
 class LapConfig:
-    distance_m: float = 4.0  # no lap is shorter
+    distance_m: float = 4.0  # no lap of a room is shorter …
+    island_m: float = 1.5  # … and none of an island
     gate_m: float = 0.4  # it ends so near to a place where the robot was before …
     drift_per_m: float = 0.04  # … and the odometry may have lost so much since: 2° over 30 m to and fro
     farthest_m: float = 3.0  # but no farther: the scanner sees 4 m ahead
@@ -50,13 +52,9 @@ class Lap:
         self._last: Pose2 | None = None
         self.distance_m = 0.0
         self.heading_turned_rad = 0.0
-        self.forget()
-
-    def forget(self) -> None:
-        """Begin a new lap here."""
-        self._places: deque[_Place] = deque(maxlen=self._config.places)
+        self._places: deque[_Place] = deque(maxlen=config.places)
         self._matched_m = 0.0
-        self.came_rad: float | None = None  # the direction in which it came to where the lap began
+        self._began = 0  # the place where the lap that is closed began
 
     def travel(self, odom_from_robot: Pose2) -> None:
         """To be called at every step."""
@@ -76,10 +74,23 @@ class Lap:
         for index, place in enumerate(self._places):
             turns = self._turns_since(place, here)
             if turns:
-                self.came_rad = self._came_rad(index)
+                self._began = index
                 break
         self._matched_m = self._matched_m + config.step_m if turns else 0.0
         return turns if self._matched_m >= config.sure_m else 0.0
+
+    def came_rad(self) -> float | None:
+        """The direction in which it came to where the lap that is closed began; None where it came from near."""
+        back = self._began - round(self._config.came_m / self._config.step_m)
+        return _direction_rad(self._places[back].pose, self._places[self._began].pose) if back >= 0 else None
+
+    def leave_out(self) -> None:
+        """The lap that is closed: as if the robot had gone on at once where that began."""
+        began, here = self._places[self._began], self._places[-1]
+        whole_rad = math.tau * round((here.turned_rad - began.turned_rad) / math.tau)
+        kept = [*islice(self._places, self._began), replace(here, turned_rad=here.turned_rad - whole_rad)]
+        self._places = deque(kept, self._places.maxlen)
+        self._matched_m = 0.0
 
     def _place(self, pose: Pose2) -> _Place:
         if not self._places:
@@ -96,22 +107,13 @@ class Lap:
         is_sharp = self._side * bend_rad > self._config.sharpest_rad
         return bend_rad - self._side * math.tau if is_sharp else bend_rad
 
-    def _came_rad(self, index: int) -> float | None:
-        back = index - round(self._config.came_m / self._config.step_m)
-        if back < 0:
-            return None
-        return _direction_rad(self._places[back].pose, self._places[index].pose)
-
     def _turns_since(self, place: _Place, here: _Place) -> float:
         """0 where the robot does not go the same way as then."""
         config, way_m = self._config, here.distance_m - place.distance_m
         turns = -self._side * (here.turned_rad - place.turned_rad) / math.tau
-        if (
-            way_m < config.distance_m
-            or abs(turns) < config.turns
-            or here.course_rad is None
-            or place.course_rad is None
-        ):
+        if way_m < (config.distance_m if turns > 0 else config.island_m) or abs(turns) < config.turns:
+            return 0.0
+        if here.course_rad is None or place.course_rad is None:
             return 0.0
         gate_m = min(config.gate_m + config.drift_per_m * way_m, config.farthest_m)
         apart_rad = abs(wrap_angle(here.course_rad - place.course_rad))

@@ -95,5 +95,42 @@ def test_to_which_side_it_turns_round_in_a_dead_end_does_not_matter(turn_rad: fl
     assert turns == pytest.approx(1.0, abs=0.15)
 
 
+def straight_m(start: Pose2, length_m: float) -> Iterable[Pose2]:
+    for i in range(1, round(length_m / STEP_M) + 1):
+        yield start @ Pose2(i * STEP_M, 0.0, 0.0)
+
+
+def round_thing(start: Pose2, radius_m: float, turns: float) -> Iterable[Pose2]:
+    """Round what stands at the right."""
+    for i in range(1, round(math.tau * radius_m * turns / STEP_M) + 1):
+        angle = i * STEP_M / radius_m
+        yield start @ Pose2(radius_m * math.sin(angle), radius_m * (math.cos(angle) - 1), -angle)
+
+
+def test_a_lap_of_an_island_is_left_out_of_that_of_the_room() -> None:
+    """From a wall to an island, once round it and some more, across to the wall, and on to where the lap began."""
+    lap = Lap(LapConfig(), -1)
+    island = Pose2(4.0, 0.0, 0.0)
+    turns = 0.0
+    for pose in (*straight_m(Pose2(), 4.0), *round_thing(island, 0.45, 1.6)):
+        lap.travel(pose)
+        turns = lap.turns_round()
+        if turns:
+            break
+    assert turns < -0.7
+    assert lap.distance_m < 4.0 + 1.6 * math.tau * 0.45
+    assert lap.came_rad() == pytest.approx(0.0, abs=0.2)
+    lap.leave_out()
+    legs = ((pose, 2.0), (Pose2(6.0, 0.0, math.pi / 2), 2.0), (Pose2(6.0, 2.0, math.pi), 6.0),
+            (Pose2(0.0, 2.0, -math.pi / 2), 2.0), (Pose2(), 4.0))  # fmt: skip
+    for pose in (pose for leg in legs for pose in straight_m(*leg)):
+        lap.travel(pose)
+        turns = lap.turns_round()
+        if turns:
+            break
+    assert turns == pytest.approx(1.0, abs=0.15)
+    assert pose.x_m < 3.5
+
+
 def test_standing_and_turning_on_the_spot_closes_nothing() -> None:
     assert closed_after_m(Pose2(0.0, 0.0, 0.05 * k) for k in range(1000))[0] == math.inf
