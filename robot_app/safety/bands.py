@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from robot_app.safety.gyro_jump import GyroJumpConfig
 from robot_app.safety.losses import LossConfig
 from robot_app.safety.omni_wheels import OmniWheelWatchConfig
 from robot_app.safety.stall import StallConfig
@@ -58,6 +59,7 @@ class SafetyConfig:
     stall: StallConfig = field(default_factory=StallConfig)
     tilt: TiltConfig = field(default_factory=TiltConfig)
     wheels: WheelWatchConfig = field(default_factory=WheelWatchConfig)
+    gyro_jump: GyroJumpConfig = field(default_factory=GyroJumpConfig)
     omni_wheels: OmniWheelWatchConfig = field(default_factory=OmniWheelWatchConfig)
     losses: LossConfig = field(default_factory=LossConfig)
     min_beams: int = 12  # a scan with fewer echoes is that of a covered scanner

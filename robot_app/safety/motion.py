@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from robot_app.drivers.base import Count, DriveSetting, EncoderCount, ImuSample, OmniCount, OmniSetting, Setting
 from robot_app.safety.bands import SafetyConfig
+from robot_app.safety.gyro_jump import GyroJumpWatch
 from robot_app.safety.omni_wheels import OmniWheelWatch
 from robot_app.safety.tilt import TiltWatch
 from robot_app.safety.wheels import WheelFault, WheelWatch
@@ -19,6 +20,7 @@ STANDS_S = 1.5  # after a disagreement: 0.3 s until the car counts as standing, 
 STALL_STANDS_S = 0.8  # before wheels that were held are driven again, from standing …
 _HELD_AGAIN_S = 2.5  # … and when they are held again so soon, the mission ends
 _MANY, _WITHIN_S = 3, 30.0
+_OF_THE_GYRO = {WheelFault.TURNING, WheelFault.JUMPED, WheelFault.GYRO}
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +39,7 @@ class MotionWatch:
 
     def __init__(self, config: SafetyConfig, body: CarGeometry | OmniGeometry, metres_per_tick: float) -> None:
         self._tilt = TiltWatch(config.tilt)
+        self._jumps = GyroJumpWatch(config.gyro_jump)
         self._wheels: WheelWatch | OmniWheelWatch
         if isinstance(body, CarGeometry):
             self._wheels = WheelWatch(config.wheels, body.wheelbase_m, metres_per_tick)
@@ -48,6 +51,7 @@ class MotionWatch:
 
     def forget(self) -> None:
         self._wheels.forget()
+        self._jumps.forget()
         self._apart_s.clear()
         self._held_s = -math.inf
 
@@ -67,18 +71,21 @@ class MotionWatch:
         if isinstance(self._wheels, WheelWatch) and isinstance(count, EncoderCount):
             setting = applied if isinstance(applied, DriveSetting) else None
             fault = self._wheels.update(count, yaw_rate_radps, speed_mps, setting)
+            if imu is not None and self._jumps.update(imu.stamp_s, imu.gyro_radps[2], speed_mps):
+                fault = fault or WheelFault.JUMPED
         elif isinstance(self._wheels, OmniWheelWatch) and isinstance(count, OmniCount):
             duties = applied if isinstance(applied, OmniSetting) else None
             fault = self._wheels.update(count, yaw_rate_radps, speed_mps, duties)
         if fault is None or self.rests(now_s):
             return None
         self._wheels.forget()
+        self._jumps.forget()
         return self._wheel_alarm(fault, now_s, self._wheels.speed_before_mps)
 
     def _wheel_alarm(self, fault: WheelFault, now_s: float, speed_before_mps: float) -> Alarm:
         if fault is WheelFault.SILENT:
             return self.stalled(now_s, speed_before_mps)
-        if fault not in {WheelFault.TURNING, WheelFault.GYRO}:
+        if fault not in _OF_THE_GYRO:
             return Alarm(StopReason.ENCODER_FAULT, fault.value, speed_mps=speed_before_mps)
         self._rests_until_s = now_s + STANDS_S
         self._apart_s.append(now_s)

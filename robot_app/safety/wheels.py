@@ -41,6 +41,7 @@ class WheelFault(Enum):
     RIGHT = "the right encoder does not count"
     SILENT = "the encoders do not count while the motor pushes, or the wheels are stuck"
     TURNING = "the gyro and the steering do not agree on how it turns"
+    JUMPED = "the gyro begins to turn as fast as no car can"
     LONE = "an encoder does not count"
     GYRO = "the gyro and the encoders do not agree on how it turns"
 

@@ -121,7 +121,12 @@ def test_the_bridge_turns_round_without_current(
     drive.set(DriveSetting(0.8, 0.0))
     pulses: list[int] = []
     true_set = gpio.set
-    monkeypatch.setattr(gpio, "set", lambda *args: (pulses.append(pwm.value(MOTOR, "duty_cycle")), true_set(*args)))
+
+    def noting(line: int, level: int, lost: bool = False) -> None:
+        pulses.append(pwm.value(MOTOR, "duty_cycle"))
+        true_set(line, level, lost)
+
+    monkeypatch.setattr(gpio, "set", noting)
     drive.set(DriveSetting(-0.8, 0.0))
     assert pulses == [0, 0]
     assert lines(gpio) == (0, 1)

@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from robot_app.drivers.base import DriveSetting, EncoderCount, ImuSample
+from robot_app.safety.bands import SafetyConfig
+from robot_app.safety.gyro_jump import GyroJumpConfig, GyroJumpWatch
+from robot_app.safety.motion import MotionWatch
+from shared.geometry.ackermann import CarGeometry
+from shared.messages import StopReason
+
+CAR = CarGeometry(0.26, 0.17, 0.04, 0.5, 0.305, 0.045, 0.2)
+NOISE_RADPS = 0.002
+STEP_RADPS = math.radians(15)
+
+
+def noticed_s(rate_radps: Callable[[float], float], speed_mps: float, rng: np.random.Generator) -> float:
+    """After how long from 1 s on; NaN where it is not. `rate_radps`: by the time."""
+    watch = GyroJumpWatch(GyroJumpConfig())
+    for i in range(300):
+        now_s = i / 100
+        if watch.update(now_s, rate_radps(now_s) + NOISE_RADPS * rng.standard_normal(), speed_mps):
+            return now_s - 1.0
+    return math.nan
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("speed_mps", [0.0, 0.3, 0.46])
+def test_a_zero_that_jumps_is_noticed_within_a_tenth_of_a_second(
+    sign: int, speed_mps: float, rng: np.random.Generator
+) -> None:
+    turning = 0.5  # in a bend as well as straight on
+    assert noticed_s(lambda t: turning + sign * STEP_RADPS * (t >= 0.995), speed_mps, rng) <= 0.08
+
+
+@pytest.mark.parametrize("speed_mps", [0.1, 0.32, 0.46])
+def test_the_sharpest_turn_that_the_servo_can_begin_is_no_jump(speed_mps: float, rng: np.random.Generator) -> None:
+    def turn(t: float) -> float:
+        steering_rad = max(-0.5, min(0.5, 4.0 * (t - 1.0)))
+        return speed_mps / 0.26 * math.tan(steering_rad)
+
+    assert math.isnan(noticed_s(turn, speed_mps, rng))
+
+
+def test_a_jolt_that_comes_back_is_no_jump(rng: np.random.Generator) -> None:
+    assert math.isnan(noticed_s(lambda t: 2.0 * math.sin(2 * math.pi * 12 * (t - 1)) * (1 < t < 1.5), 0.3, rng))
+
+
+def test_a_gap_says_nothing(rng: np.random.Generator) -> None:
+    watch = GyroJumpWatch(GyroJumpConfig())
+    assert not any(watch.update(i / 100 + 0.2 * (i >= 50), 0.6 * (i >= 50), 0.3) for i in range(100))
+
+
+def test_the_car_stands_for_it_and_learns_the_gyro_anew() -> None:
+    watch = MotionWatch(SafetyConfig(), CAR, 0.00314)
+    alarm = None
+    for i in range(110):
+        rate_radps = STEP_RADPS if i >= 100 else 0.0
+        imu = ImuSample(i / 100, (0.0, 0.0, rate_radps), (0.0, 0.0, 9.81))
+        ticks = int(0.003 * i / 0.00314)
+        count = EncoderCount(i / 100, ticks, ticks)
+        alarm = alarm or watch.update(i / 100, count, imu, (0.3, rate_radps), DriveSetting(0.5, 0.0))
+    assert alarm is not None
+    assert (alarm.reason, alarm.ends_mission) == (StopReason.SENSORS_DISAGREE, False)
+
+
+def test_settings_that_would_never_or_always_alarm_are_refused() -> None:
+    for wrong in ({"jump_radps": 0.0}, {"stays_s": 2.0}, {"jump_per_mps": -1.0}):
+        with pytest.raises(ValueError, match="must be"):
+            GyroJumpConfig(**wrong)
