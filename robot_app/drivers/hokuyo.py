@@ -47,6 +47,7 @@ _USB_TRANSFER_S = 0.0015  # of 1435 bytes at full speed, with its 1 ms frames
 _TCP_TRANSFER_S = 0.0005  # of 3381 bytes at 100 Mbit/s, and the way through the kernel
 _RESTART_S = 1.0  # the task that reads must be able to end; the next read tries again
 _HARDWARE_TROUBLE = range(50, 98)
+_LATE_S, _LATE_SCANS = 0.1, 25  # so many scans in a row did not wait in a buffer: a wrong time passed its check sum
 
 
 @dataclass(slots=True)
@@ -147,7 +148,7 @@ class HokuyoScanner:
         self._parameters = p = client.parameters()
         characters = 2 if min(p.range_max_mm, self._config.range_max_m * 1e3) <= _SHORT_MAX_MM else 3
         self._decoder = ScanDecoder(p.beams, characters)
-        self._arrival = ArrivalFilter()
+        self._arrival, self._late_scans = ArrivalFilter(), 0
         self._counter = WrappingCounter(_COUNTER_BITS, _COUNTER_TICK_S)
         client.laser_on()
         request = f"{'MS' if characters == 2 else 'MD'}{p.first_step:04d}{p.last_step:04d}010"  # every step, every scan
@@ -214,8 +215,17 @@ class HokuyoScanner:
             self.counters.corrupt += 1
             return None
         self.counters.read += 1
-        device_s = self._counter.seconds(block.time_ms)
-        return _Scan(self._arrival.arrival_s(device_s, arrived_s), block.values)
+        return _Scan(self._arrival_s(self._counter.seconds(block.time_ms), arrived_s), block.values)
+
+    def _arrival_s(self, device_s: float, arrived_s: float) -> float:
+        """Believes the scanner's counter, unless it stays behind what the host sees."""
+        found_s = self._arrival.arrival_s(device_s, arrived_s)
+        self._late_scans = self._late_scans + 1 if arrived_s - found_s > _LATE_S else 0
+        if self._late_scans <= _LATE_SCANS:
+            return found_s
+        _log.warning("%s: its clock has jumped", self._name)
+        self._arrival, self._late_scans = ArrivalFilter(), 0
+        return self._arrival.arrival_s(device_s, arrived_s)
 
     def _judge(self, status: bytes) -> None:
         if status in {OK, RESUMED, UNSTABLE}:

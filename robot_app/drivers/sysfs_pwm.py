@@ -12,6 +12,7 @@ from shared.runtime.clock import Clock
 
 _APPEARS_WITHIN_S = 1.0  # udev gives the new files to the group some time after the export
 _POLL_S = 0.02
+_FILES = ("period", "duty_cycle", "enable")
 
 
 class SysfsPwm:
@@ -67,8 +68,12 @@ class SysfsPwm:
         if not self._folder.is_dir():
             (self._chip / "export").write_text(f"{self._channel}\n", "ascii")
         never, due_s = threading.Event(), clock.now_s() + _APPEARS_WITHIN_S
-        while not os.access(self.duty_file, os.W_OK) and clock.now_s() < due_s:
+        while not self._are_writable() and clock.now_s() < due_s:
             clock.wait(never, clock.now_s() + _POLL_S)
+
+    def _are_writable(self) -> bool:
+        """All of them: udev gives one after the other to the group."""
+        return all(os.access(self._folder / file, os.W_OK) for file in _FILES)
 
     def _set_up(self) -> None:
         """The kernel refuses a period below the pulse, and a pulse of a channel without a period."""

@@ -9,9 +9,11 @@ first and the push fades away in the first file: against the way, so that the ca
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import fcntl
 import math
 import os
+import resource
 import select
 import signal
 import struct
@@ -29,6 +31,7 @@ PUSHES_S = 0.15
 _APP, _ANSWER = 0, 1  # file descriptors
 _STEP_S = 0.005
 _CHUNK = 8192 * WILL.size
+_MCL_CURRENT, _MCL_FUTURE = 1, 2  # linux/mman.h
 
 
 class Motors:
@@ -79,11 +82,18 @@ def guard(app: int, silence_s: float, motors: Motors) -> None:
             push_ns, levels = WILL.unpack(said[-WILL.size :])
 
 
+def _lock_memory() -> None:
+    """All of it: what is to act when the computer runs out of memory must not wait for its own pages."""
+    if resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] == resource.RLIM_INFINITY:
+        ctypes.CDLL(None).mlockall(_MCL_CURRENT | _MCL_FUTURE)
+
+
 def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)  # it ends after the app, never before
     silence_s, priority, lines = float(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
     motors = Motors([os.open(name, os.O_WRONLY) for name in sys.argv[4:]], lines)
+    _lock_memory()
     if priority:
         with contextlib.suppress(OSError):
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))

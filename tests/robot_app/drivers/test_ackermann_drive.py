@@ -209,3 +209,13 @@ def test_a_channel_that_never_appears_is_an_error(
         AckermannDrive(replace(config, pwm_chip=str(chip)), car, clock)
     assert (chip / "export").read_text() == "1\n"
     assert clock.now_s() == pytest.approx(1.0, abs=0.05)
+
+
+def test_files_that_udev_opens_to_the_group_one_after_the_other_are_waited_for(
+    config: DriveConfig, car: CarGeometry, gpio: GpioChip, pwm: PwmFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = ManualClock()
+    opened_s = {"duty_cycle": 0.1, "enable": 0.3, "period": 0.2}
+    monkeypatch.setattr("os.access", lambda path, _: clock.now_s() >= opened_s[path.name])
+    with closing(AckermannDrive(config, car, clock)):
+        assert clock.now_s() == pytest.approx(0.3, abs=0.05)

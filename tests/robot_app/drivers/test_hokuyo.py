@@ -83,6 +83,23 @@ def test_a_scan_that_was_read_late_keeps_its_stamp(attach, values_mm: Values) ->
     scanner.close()
 
 
+def test_a_wrong_time_that_passed_its_check_sum_does_not_make_all_later_scans_old(attach, values_mm: Values) -> None:
+    clock = ManualClock(100.0)
+    sensor = ScipSensor(values_mm)
+    server = attach(sensor)
+    scanner = HokuyoScanner(config(server), clock)
+    ages_s = []
+    for i in range(40):
+        clock.advance(0.028)
+        sensor.time_ms += {5: 60_000, 6: -60_000}.get(i, 0)
+        server.send(sensor.scan(values_mm))
+        ages_s.append(clock.now_s() - read(scanner).stamp_s)
+    usual_s = ages_s[0]
+    assert max(ages_s[6:30]) > 50.0  # not believed at once: it might have waited in a buffer
+    assert ages_s[-5:] == pytest.approx([usual_s] * 5, abs=2e-3)
+    scanner.close()
+
+
 @pytest.mark.parametrize(
     ("name", "product", "beams", "turn_s", "ends_deg", "request_sent"),
     [
