@@ -5,7 +5,9 @@ status=0
 for channel in "${SYS:-/sys}"/class/pwm/pwmchip*/pwm[0-9]*; do
     [ -d "$channel" ] || continue
     for file in duty_cycle enable; do
-        echo 0 >"$channel/$file" || { echo "motors-off: cannot write $channel/$file" >&2; status=1; }
+        # The kernel refuses even a zero for a channel that was exported and never set up: it is off all the same.
+        echo 0 2>/dev/null >"$channel/$file" || [ "$(cat "$channel/enable" 2>/dev/null)" = 0 ] ||
+            { echo "motors-off: cannot write $channel/$file" >&2; status=1; }
     done
 done
 exit "$status"

@@ -88,6 +88,15 @@ def test_motors_off_goes_on_after_a_channel_that_cannot_be_written(tmp_path: Pat
     assert (good / "duty_cycle").read_text() == "0\n"
 
 
+def test_a_channel_that_was_exported_and_never_set_up_keeps_the_app_from_nothing(tmp_path: Path) -> None:
+    raw = channel(tmp_path / "class" / "pwm", 0, 1)
+    (raw / "enable").write_text("0\n")
+    (raw / "duty_cycle").unlink()
+    (raw / "duty_cycle").mkdir()  # the kernel refuses any duty without a period
+    found = motors_off(tmp_path)
+    assert (found.returncode, found.stderr) == (0, "")
+
+
 def test_motors_off_is_content_where_no_channel_was_ever_used(tmp_path: Path) -> None:
     assert motors_off(tmp_path).returncode == 0
 
