@@ -70,10 +70,13 @@ def run_robot(
 
 
 def _look_after(health: tuple[TaskHealth, ...], clock: Clock, stop: threading.Event, service: ServiceManager) -> None:
-    """systemd starts the app again when the control task stands still for as long as its watchdog waits."""
+    """systemd starts the app again when the control task stands still for as long as its watchdog waits.
+
+    One that fails, as with a drive that is gone, does not stand still: the operator has to hear why the car stands.
+    """
     control = next(h for h in health if h.row is schedule.CONTROL)
-    seen_s = control.last_good_s
+    seen_s = control.last_end_s
     while not clock.wait(stop, clock.now_s() + _LOOK_AFTER_S):
-        if control.last_good_s > seen_s:
-            seen_s = control.last_good_s
+        if control.last_end_s > seen_s:
+            seen_s = control.last_end_s
             service.alive()

@@ -58,7 +58,7 @@ class TaskHealth:
         self.over_budget = 0
         self.longest_s = 0.0  # processor time of a tick …
         self.busy_s = 0.0  # … and of all of them
-        self.last_good_s = float("-inf")
+        self.last_good_s = self.last_end_s = float("-inf")  # of the ticks that did not raise, and of all of them
         self.fault: str | None = None
 
     def began(self, late_s: float) -> None:
@@ -67,7 +67,7 @@ class TaskHealth:
 
     def finished(self, now_s: float, took_s: float) -> None:
         self.ticks += 1
-        self.last_good_s = now_s
+        self.last_good_s = self.last_end_s = now_s
         self.longest_s = max(self.longest_s, took_s)
         self.busy_s += took_s
         self.over_budget += took_s > self.row.budget_s
@@ -79,7 +79,8 @@ class TaskHealth:
         """It has worked, and does not any more, and has not failed either."""
         return self.fault is None and self.ticks > 0 and now_s - self.last_good_s > self.row.max_age_s + _HANGS_S
 
-    def failed(self, error: Exception) -> None:
+    def failed(self, now_s: float, error: Exception) -> None:
+        self.last_end_s = now_s
         if self.fault is None:  # a fault is logged when it begins and when it ends
             _log.error("%s failed: %s", self.row.name, error, exc_info=error)
         self.fault = f"{self.row.name}: {error}"
@@ -102,7 +103,7 @@ class _Guarded:
         try:
             self.task.step()
         except Exception as error:  # noqa: BLE001 - the runner is where a task's fault ends
-            self.health.failed(error)
+            self.health.failed(self._clock.now_s(), error)
             self._tell(error)
         else:
             self.health.finished(self._clock.now_s(), processor_time_s() - began_s)

@@ -18,6 +18,7 @@ import pytest
 from robot_app import __main__ as command
 from robot_app.check import check_radios
 from robot_app.config import DEFAULT_PATH, OMNI_PATH, load_config
+from robot_app.drivers.base import DeviceError
 from robot_app.drivers.config import DeviceConfig
 from robot_app.service import ServiceManager
 from shared.link.es920lr.settings import RadioSettings
@@ -123,6 +124,23 @@ def test_the_robot_runs_until_it_is_told_to_end(
     robot.close()
     assert robot.sensor.mode is Mode.IDLE
     assert [r.getMessage() for r in caplog.records if r.levelname == "ERROR"] == []
+
+
+def test_a_drive_that_fails_for_ever_is_told_and_not_ended_by_the_watchdog(
+    robot: EmulatedRobot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot.keeps_measuring = True
+    systemd = Systemd(tmp_path, enough=lambda heard: heard.count("WATCHDOG=1") == 2)
+    monkeypatch.setenv("NOTIFY_SOCKET", systemd.address)
+
+    def gone(*_: object) -> None:
+        raise DeviceError("drive: is gone")
+
+    monkeypatch.setattr("robot_app.drivers.ackermann_drive.AckermannDrive.set", gone)
+    path = toml_of(robot, tmp_path)
+    assert call(monkeypatch, "--config", path, "--bind", "127.0.0.1", "--port", "0") == 0
+    systemd.close()
+    assert systemd.heard.count("WATCHDOG=1") == 2
 
 
 def test_the_check_prints_a_table(

@@ -72,8 +72,9 @@ def test_a_task_that_hangs_is_told_from_one_that_failed_and_one_that_has_not_beg
     health.finished(1.0, 0.001)
     assert not health.hangs(2.1)
     assert health.hangs(2.3)
-    health.failed(RuntimeError("gone"))
+    health.failed(2.2, RuntimeError("gone"))
     assert not health.hangs(2.3)
+    assert (health.last_good_s, health.last_end_s) == (1.0, 2.2)
 
 
 def test_threads_run_their_tasks_and_end_when_told() -> None:
