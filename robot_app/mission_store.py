@@ -49,19 +49,20 @@ class MissionStore:
             return MissionRecord()
         try:
             record = _from_table(json.loads(data))
-        except (ValueError, TypeError, KeyError, RecursionError) as error:
+        except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
             _log.warning("%s is not read: %s", self._path, error)
             return MissionRecord()
         return record
 
     def keep(self, record: MissionRecord, now_s: float) -> None:
-        """At once where the mission's state has changed; every two seconds where only the way has."""
-        if record == self._written:
+        """At once where the mission's state has changed; every two seconds where only the way has, or it failed."""
+        if record == self._written and not self._failed:
             return
         moved_only = replace(record, distance_m=0.0, robot_from_home=None) == replace(
             self._written, distance_m=0.0, robot_from_home=None
         )
-        if moved_only and self._written_s is not None and now_s - self._written_s < _EVERY_S:
+        waits = moved_only or self._failed
+        if waits and self._written_s is not None and now_s - self._written_s < _EVERY_S:
             return
         self._written, self._written_s = record, now_s
         try:

@@ -43,6 +43,7 @@ def test_the_way_is_written_every_two_seconds_and_a_change_of_state_at_once(tmp_
         json.dumps({"format": 1, "going_on": "FLY", "distance_m": 1.0, "robot_from_home": None}),
         json.dumps({"format": 1, "going_on": "OBSERVE", "distance_m": float("nan"), "robot_from_home": None}),
         json.dumps({"format": 1, "going_on": "OBSERVE", "distance_m": 1.0, "robot_from_home": [1.0]}),
+        json.dumps({"format": 1, "going_on": "OBSERVE", "distance_m": 10**400, "robot_from_home": None}),
     ],
 )
 def test_what_cannot_be_read_is_no_mission(tmp_path: Path, text: str) -> None:
@@ -55,3 +56,14 @@ def test_without_a_folder_nothing_is_kept_and_nothing_breaks(tmp_path: Path) -> 
     store.keep(RECORD, 0.0)
     store.keep(replace(RECORD, is_observed=True), 0.1)
     assert store.load() == MissionRecord()
+
+
+def test_what_a_full_disk_did_not_take_is_kept_once_there_is_room(tmp_path: Path) -> None:
+    full = tmp_path / "full"
+    store = MissionStore(full)
+    store.keep(RECORD, 0.0)
+    full.mkdir()
+    store.keep(RECORD, 1.0)  # not at each tick: a card that fails takes its time to say so
+    assert list(full.iterdir()) == []
+    store.keep(RECORD, 2.1)
+    assert store.load() == RECORD
