@@ -23,6 +23,13 @@ _SILENCE_LIMIT_S = 1.6  # until it stands because nobody speaks: a second, and w
 _SLOW_LIMIT_S = 2.0  # the same of a battery and of heat: their sensors are slow, and so are they
 _NEEDED = ("scanner", "imu", "encoders", "drive")
 _NOT_NEEDED = ("camera", "power", "thermometer")
+_READS = {
+    schedule.ODOMETRY: "encoders",
+    schedule.SCAN: "scanner",
+    schedule.DEPTH: "camera",
+    schedule.POWER: "power",
+    schedule.TEMPERATURE: "thermometer",
+}
 _STOPPING = (schedule.ODOMETRY, schedule.SCAN, schedule.CONTROL, schedule.COMMANDS)
 
 
@@ -73,11 +80,17 @@ def _healed(device: str) -> Callable[[Lockstep], None]:
     return end
 
 
+def _bridge_unplugged(system: Lockstep) -> None:
+    """No current from then on, not only from the next setting on."""
+    system.faults.drive.kind = FaultKind.UNPLUGGED
+    system.world.cut_motor()
+
+
 def _unplugged() -> list[Case]:
     found = []
     for device in (*_NEEDED, *_NOT_NEEDED):
         for seconds, how in ((_A_WHILE_S, "for 3 s"), (FOR_EVER, "for ever")):
-            begin = _of_kind(device, FaultKind.UNPLUGGED)
+            begin = _bridge_unplugged if device == "drive" else _of_kind(device, FaultKind.UNPLUGGED)
             name = f"{device}-unplugged" + ("-3s" if seconds == _A_WHILE_S else "")
             text = f"{device} unplugged {how}"
             resumes = math.isfinite(seconds)
@@ -224,6 +237,18 @@ def _tasks() -> list[Case]:
         within_s = _SILENCE_LIMIT_S if row is schedule.COMMANDS else LIMIT_S
         return Case(name, text, begin, end, stops, _A_WHILE_S, within_s=within_s)
 
+    def in_device(row: Row, device: str) -> Case:
+        def falsify(_: object) -> object:
+            raise RuntimeError("a bug")
+
+        begin, name = _changed(device, lambda: falsify), f"{row.name}-fails"
+        return Case(name, f"task {row.name} raises for 3 s", begin, _healed(device), row in _STOPPING, _A_WHILE_S)
+
     hanging = [case(f"{row.name}-hung", f"task {row.name} hangs for 3 s", row, hang) for row in schedule.TABLE]
-    failing = [case(f"{row.name}-fails", f"task {row.name} raises for 3 s", row, fail) for row in schedule.TABLE]
+    failing = [
+        in_device(row, _READS[row])
+        if row in _READS
+        else case(f"{row.name}-fails", f"task {row.name} raises for 3 s", row, fail)
+        for row in schedule.TABLE
+    ]
     return [*hanging, *failing]

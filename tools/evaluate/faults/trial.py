@@ -48,12 +48,13 @@ class _Motion:
     def __init__(self, world: World) -> None:
         self._world = world
         self._began_s = self._standing_since_s = math.inf
+        self._way_mps = 0.0
         self.driven_s = self.moved_s = 0.0
         self.has_stood = False
         world.add_observer(self)
 
     def begin(self) -> None:
-        self._began_s = self._world.time_s
+        self._began_s, self._way_mps = self._world.time_s, self._world.speed_mps()
 
     def after_step(self) -> None:
         elapsed_s = self._world.time_s - self._began_s
@@ -62,7 +63,7 @@ class _Motion:
         speed_mps = self._world.speed_mps()
         if abs(speed_mps) > _STANDS_MPS:
             self.moved_s, self._standing_since_s = elapsed_s, math.inf
-            if self._world.motor_command_radps() * speed_mps > 0:
+            if self._world.motor_command_radps() * self._way_mps > 0:
                 self.driven_s = elapsed_s
         else:
             self._standing_since_s = min(self._standing_since_s, elapsed_s)
