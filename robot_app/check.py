@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from robot_app.drivers.ads1115 import Ads1115
-from robot_app.drivers.base import DeviceError, DriveSetting, OmniSetting
+from robot_app.drivers.base import DeviceBusyError, DeviceError, DriveSetting, OmniSetting
 from robot_app.drivers.config import DeviceConfig
 from robot_app.drivers.hokuyo import HokuyoScanner
 from robot_app.drivers.l515 import RealSenseCamera
 from robot_app.drivers.lsm9ds1 import Lsm9ds1
 from robot_app.drivers.lsm9ds1_magnetometer import Lsm9ds1Magnetometer
-from robot_app.drivers.raspberry_pi import open_drive, open_encoders
+from robot_app.drivers.raspberry_pi import check_alone, open_drive, open_encoders
 from robot_app.drivers.thermometer import CpuThermometer
 from shared.geometry.ackermann import CarGeometry
 from shared.geometry.omni3 import OmniGeometry
@@ -32,6 +32,8 @@ _HOT_C = 75.0  # a Pi slows down from 80 on
 _EARTH_UT = (20.0, 70.0)
 _MEASURES_NOTHING = "opens, but measures nothing; check its supply"
 _RADIO_PATIENCE_S = 15.0  # at any baud rate, in any state
+_SHARED = "I2C"  # anybody may open it: a chip that is set up anew under the app that reads it makes the robot stop
+_ROBOT_RUNS = "not looked at: the robot's app is using it; sudo systemctl stop robot-app, then check again"
 _COLUMNS = ("device", "where", "found", "what it says, or what to do")
 
 
@@ -46,6 +48,7 @@ class Finding:
 def check_devices(config: DeviceConfig, body: CarGeometry | OmniGeometry, clock: Clock) -> Iterator[Finding]:
     """One finding after the other, so that they can be shown as they come. No wheel turns."""
     c = config
+    robot_runs = _robot_runs(c)
     checks: tuple[tuple[str, str, Callable[[], str]], ...] = (
         ("drive", _where_the_drive_is(c), lambda: _drive(c, body, clock)),
         ("processor", c.thermometer.zone, lambda: _thermometer(c, clock)),
@@ -58,10 +61,20 @@ def check_devices(config: DeviceConfig, body: CarGeometry | OmniGeometry, clock:
     )
     for device, where, look in checks:
         try:
+            if robot_runs and where.startswith(_SHARED):
+                raise DeviceError(_ROBOT_RUNS)
             finding = Finding(device, where, True, look())
         except DeviceError as error:
             finding = Finding(device, where, False, str(error))
         yield finding
+
+
+def _robot_runs(c: DeviceConfig) -> bool:
+    try:
+        check_alone(c)
+    except DeviceBusyError:
+        return True
+    return False
 
 
 def check_radios(radio: RadioConfig, clock: Clock) -> Iterator[Finding]:

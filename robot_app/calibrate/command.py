@@ -29,6 +29,7 @@ from robot_app.drivers.hokuyo import HokuyoScanner
 from robot_app.drivers.l515 import RealSenseCamera
 from robot_app.drivers.lsm9ds1 import Lsm9ds1
 from robot_app.drivers.lsm9ds1_magnetometer import Lsm9ds1Magnetometer
+from robot_app.drivers.raspberry_pi import check_alone
 from shared.runtime.clock import Clock
 
 _Procedure = Callable[[AnyRobotConfig, Guide, Clock], Sequence[Change]]
@@ -109,6 +110,7 @@ def calibrate(what: str, config: AnyRobotConfig, path: Path | None, guide: Guide
     """
     with _signals_raise():
         try:
+            check_alone(config.devices)
             changes = PROCEDURES[what](config, guide, clock)
         except (CalibrationError, DeviceError) as error:
             guide.say(f"Not done: {error}.")

@@ -23,6 +23,10 @@ class DeviceError(Exception):
     """A device could not be opened, did not answer or was lost; the text names it."""
 
 
+class DeviceBusyError(DeviceError):
+    """Another program has the device."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class RawScan:
     """`ranges_m`: (B,) float32, NaN where nothing was measured; `stamp_s` is that of beam 0."""

@@ -6,7 +6,7 @@ import errno
 import threading
 from typing import Any
 
-from robot_app.drivers.base import DeviceError
+from robot_app.drivers.base import DeviceBusyError, DeviceError
 from robot_app.drivers.library import load_library
 
 _LOCK_TIMEOUT_S = 0.05
@@ -46,7 +46,9 @@ class GpioOutputs:
         try:
             self._request: Any = gpiod.request_lines(chip, consumer=f"robot-app {name}", config={lines: low})
         except (OSError, ValueError) as error:
-            raise DeviceError(f"{self._name}: {advice(error)}") from error
+            is_busy = isinstance(error, OSError) and error.errno == errno.EBUSY
+            kind = DeviceBusyError if is_busy else DeviceError
+            raise kind(f"{self._name}: {advice(error)}") from error
 
     @property
     def file_descriptor(self) -> int:

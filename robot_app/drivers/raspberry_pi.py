@@ -7,9 +7,10 @@ from typing import Protocol, TypeVar
 
 from robot_app.drivers.ackermann_drive import AckermannDrive
 from robot_app.drivers.ads1115 import Ads1115
-from robot_app.drivers.base import Drive, Encoders, Hardware
+from robot_app.drivers.base import DeviceBusyError, DeviceError, Drive, Encoders, Hardware
 from robot_app.drivers.config import DeviceConfig
 from robot_app.drivers.encoder import OmniEncoders, QuadratureEncoders
+from robot_app.drivers.gpio import GpioOutputs
 from robot_app.drivers.hokuyo import HokuyoScanner
 from robot_app.drivers.l515 import RealSenseCamera
 from robot_app.drivers.lsm9ds1 import Lsm9ds1
@@ -37,6 +38,24 @@ def open_drive(config: DeviceConfig, body: CarGeometry | OmniGeometry, clock: Cl
 
 def open_encoders(config: DeviceConfig, clock: Clock) -> Encoders:
     return QuadratureEncoders(config.encoders, clock) if config.omni is None else OmniEncoders(config.omni, clock)
+
+
+def check_alone(config: DeviceConfig) -> None:
+    """Raises `DeviceBusyError` while another program drives the robot: it has the lines of the bridges.
+
+    Anybody may use an I2C bus, and whoever sets up a chip there that the app reads makes the robot stop.
+    """
+    if config.omni is None:
+        chip, lines = config.drive.gpio_chip, (config.drive.forward_line, config.drive.reverse_line)
+    else:
+        chip = config.omni.gpio_chip
+        lines = tuple(line for wheel in config.omni.wheels for line in (wheel.forward_line, wheel.reverse_line))
+    try:
+        GpioOutputs("drive direction", chip, lines).close()
+    except DeviceBusyError:
+        raise
+    except DeviceError:  # whoever needs the lines tells it
+        return
 
 
 def open_hardware(config: DeviceConfig, body: CarGeometry | OmniGeometry, clock: Clock) -> Hardware:

@@ -160,6 +160,23 @@ def test_the_check_prints_a_table(
     assert " NO " in lines[17]
 
 
+def test_the_check_leaves_the_chips_alone_that_a_running_app_reads(
+    robot: EmulatedRobot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot.keeps_measuring = True
+    drive = robot.config.drive
+    robot.gpio.used |= {drive.forward_line, drive.reverse_line}
+    assert call(monkeypatch, "--config", toml_of(robot, tmp_path), "check") == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert "another program uses them" in lines[1]
+    assert [line.split()[0] for line in lines if "using it; sudo systemctl stop" in line] == [
+        "power",
+        "imu",
+        "magnetometer",
+    ]
+    robot.gpio.used.clear()
+
+
 def test_the_wheels_of_the_omnidirectional_robot_are_checked(
     robot: EmulatedRobot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -205,3 +205,16 @@ def test_the_device_is_read_until_enter_is_pressed(keyboard: Keyboard) -> None:
 
     Terminal(MonotonicClock()).until_enter("Push", read)
     assert len(reads) >= 5
+
+
+def test_nothing_is_calibrated_while_the_robots_app_runs(
+    robot: EmulatedRobot,
+    keyboard: Keyboard,
+    toml: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    robot.gpio.used.add(robot.config.drive.forward_line)
+    assert call(monkeypatch, "--config", toml, "calibrate", "imu") == 1
+    assert "another program uses them; is it the robot's service?" in capsys.readouterr().out
+    robot.gpio.used.clear()

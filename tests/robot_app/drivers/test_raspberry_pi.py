@@ -103,7 +103,7 @@ def test_devices_of_the_running_service_are_told(robot: EmulatedRobot, car: CarG
     robot.keeps_measuring = True
     robot.gpio.used |= {5, 23}
     busy = [f for f in check_devices(robot.config, car, MonotonicClock()) if not f.found]
-    assert [f.device for f in busy] == ["drive", "encoders"]
+    assert [f.device for f in busy] == ["drive", "power", "imu", "magnetometer", "encoders"]
     assert all("sudo systemctl stop robot-app" in f.words for f in busy)
 
 
