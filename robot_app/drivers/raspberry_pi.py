@@ -45,11 +45,9 @@ def check_alone(config: DeviceConfig) -> None:
 
     Anybody may use an I2C bus, and whoever sets up a chip there that the app reads makes the robot stop.
     """
-    if config.omni is None:
-        chip, lines = config.drive.gpio_chip, (config.drive.forward_line, config.drive.reverse_line)
-    else:
-        chip = config.omni.gpio_chip
-        lines = tuple(line for wheel in config.omni.wheels for line in (wheel.forward_line, wheel.reverse_line))
+    wheels = (config.drive,) if config.omni is None else config.omni.wheels
+    chip = config.drive.gpio_chip if config.omni is None else config.omni.gpio_chip
+    lines = tuple(line for wheel in wheels for line in (wheel.forward_line, wheel.reverse_line))
     try:
         GpioOutputs("drive direction", chip, lines).close()
     except DeviceBusyError:
