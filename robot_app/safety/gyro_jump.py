@@ -11,6 +11,7 @@ from collections import deque
 from dataclasses import dataclass
 
 _SAMPLES = 3  # from the first to the last the gyro's low pass has let a step through
+_SPAN_S = 0.02  # that they take; where they come later, the car has had longer to begin to turn
 _CONTIGUOUS_S = 0.035
 
 
@@ -53,7 +54,8 @@ class GyroJumpWatch:
         return stamp_s - self._jumped_s >= self._config.stays_s
 
     def _look_for_jump(self, stamp_s: float, rate_radps: float, speed_mps: float) -> None:
-        before_radps = self._recent[0][1]
+        before_s, before_radps = self._recent[0]
         jump_radps = rate_radps - before_radps
-        if abs(jump_radps) > self._config.jump_radps + self._config.jump_per_mps * abs(speed_mps):
+        allowed_radps = self._config.jump_radps + self._config.jump_per_mps * abs(speed_mps)
+        if abs(jump_radps) > allowed_radps * max(1.0, (stamp_s - before_s) / _SPAN_S):
             self._jumped_s, self._before_radps, self._jump_radps = stamp_s, before_radps, jump_radps

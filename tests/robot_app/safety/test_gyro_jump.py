@@ -55,6 +55,12 @@ def test_a_gap_says_nothing(rng: np.random.Generator) -> None:
     assert not any(watch.update(i / 100 + 0.2 * (i >= 50), 0.6 * (i >= 50), 0.3) for i in range(100))
 
 
+def test_samples_that_come_late_leave_the_car_longer_to_turn() -> None:
+    watch = GyroJumpWatch(GyroJumpConfig())
+    rates_radps = [min(1.0, max(0.0, 4.8 * (i * 0.03 - 0.5))) for i in range(100)]  # 0.32 m/s, the servo at its fastest
+    assert not any(watch.update(i * 0.03, rate_radps, 0.32) for i, rate_radps in enumerate(rates_radps))
+
+
 def test_the_car_stands_for_it_and_learns_the_gyro_anew() -> None:
     watch = MotionWatch(SafetyConfig(), CAR, 0.00314)
     alarm = None
