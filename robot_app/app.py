@@ -93,8 +93,8 @@ class RobotApp:
         self._standing_reason = StopReason.NONE
         self._control_s = clock.now_s()
         self._hung_since_s: float | None = None
-        self._motors = Motors(hardware.drive, self._pilot.pushing, self._pilot.cut)
-        self._has_lost_motion = False
+        self._motors = Motors(hardware.drive, self._pilot.brake, self._pilot.cut)
+        self._has_lost_wheels = False
         self._halt_text = ""
         self._scan_watch, self._imu_watch = ScanWatch(config.safety.min_beams), ImuWatch()
         self._motion_watch = MotionWatch(
@@ -158,16 +158,14 @@ class RobotApp:
     # --- tasks ---
 
     def _read_motion(self) -> None:
-        done = False
-        try:
-            self._read_motion_sensors()
-            done = True
-        finally:
-            self._has_lost_motion = not done
-
-    def _read_motion_sensors(self) -> None:
+        self._has_lost_wheels = True
         count = self._hardware.encoders.read(0.0)
-        imu = self._hardware.imu.read(0.0)
+        self._has_lost_wheels = False
+        try:
+            imu = self._hardware.imu.read(0.0)
+        except DeviceError:
+            self._odometry.update(count, None)  # who brakes for it knows how fast the wheels are
+            raise
         imu = imu if imu is not None and self._imu_watch.is_alive(imu) else None
         self._odometry.update(count, imu)
         if self._mission.state in RUNNING:
@@ -407,7 +405,7 @@ class RobotApp:
         return self._mission.stop_reason if self._mission.state is MissionState.HALTED else StopReason.NONE
 
     def _is_blind(self, now_s: float) -> bool:
-        return self._has_lost_motion or self._odometry.speed_age_s(now_s) > schedule.ODOMETRY.max_age_s
+        return self._has_lost_wheels or self._odometry.speed_age_s(now_s) > schedule.ODOMETRY.max_age_s
 
     def _is_news(self, objects_stamp_s: float) -> bool:
         fresh = self._clock.now_s() - objects_stamp_s <= schedule.DEPTH.max_age_s

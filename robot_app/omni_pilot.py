@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +12,11 @@ from robot_app.config import OmniControlConfig
 from robot_app.control.motion import Motion
 from robot_app.control.obstacle_memory import ObstacleMemory
 from robot_app.control.omni.avoidance import OmniAvoidance, OmniAvoided, OmniWish
+from robot_app.control.omni.hard_stop import HardStop
 from robot_app.control.omni.homing import Homing, HomingState, Trail
 from robot_app.control.omni.path_follower import OmniPathFollower
 from robot_app.control.omni.wall_follower import OmniWallFollower
-from robot_app.control.omni.wheel_speeds import OmniSpeedController
+from robot_app.control.omni.wheel_speeds import OmniSpeedConfig, OmniSpeedController
 from robot_app.control.path_follower import PathState
 from robot_app.control.wall_follower import WallState
 from robot_app.drivers.base import ImuSample, OmniCount, OmniSetting, RawScan
@@ -27,6 +29,54 @@ from shared.messages import ScanGeometry, Start
 
 _WARM_UP_BEAMS, _WARM_UP_STEPS = 227, 60
 _NO_WHEELS: Wheels = (0.0, 0.0, 0.0)
+_TOLD_BEFORE_S = 0.15  # half of the window of the wheels' speeds, and the time until they count as too old
+
+
+class OmniBrake:
+    """Stops it hard. `moved`: the motion last asked of the wheels."""
+
+    def __init__(
+        self, omni: OmniGeometry, config: OmniSpeedConfig, odometry: Odometry, moved: Callable[[], Twist]
+    ) -> None:
+        self._omni = omni
+        self._config = config
+        self._odometry = odometry
+        self._moved = moved
+        self._stop = HardStop(omni, config.stop)
+        self._began_s, self._from_mps = -math.inf, 0.0
+        self._is_blind = False
+        self._begins = False
+
+    def begin(self, now_s: float, speed_mps: float, is_blind: bool = False) -> None:
+        """`speed_mps` of the fastest wheel."""
+        self._began_s, self._from_mps, self._is_blind = now_s, speed_mps, is_blind
+        self._begins = True
+
+    def push(self, now_s: float, speed_mps: float | None) -> OmniSetting | None:
+        quick_mps = self._odometry.state.quick_mps
+        known: Wheels | None = None
+        if speed_mps is not None and not self._is_blind and quick_mps:
+            known = (quick_mps[0], quick_mps[1], quick_mps[2])
+        if self._begins:
+            self._begins = False
+            self._stop.begin(self._began_s, (known or self._asked_mps()) if self._from_mps else _NO_WHEELS)
+        told_mps = self._stop.step(now_s, known)
+        if told_mps is None:
+            return None
+        full_mps = self._config.wheel.full_duty_mps
+        right, left, back = (max(-1.0, min(1.0, told / full_mps)) for told in told_mps)
+        return OmniSetting((right, left, back))
+
+    def standing(self) -> OmniSetting:
+        return OmniSetting(_NO_WHEELS)
+
+    def _asked_mps(self) -> Wheels:
+        """Where the encoders do not tell it: as was asked, but no faster than can have become of what they told."""
+        asked = self._omni.wheels_mps(self._moved())
+        gained_mps = self._config.acceleration_mps2 * _TOLD_BEFORE_S
+        share = min(1.0, max(0.0, self._from_mps + gained_mps) / max(*map(abs, asked), 1e-9))
+        right, left, back = (share * wheel for wheel in asked)
+        return right, left, back
 
 
 class OmniPilot:
@@ -51,6 +101,7 @@ class OmniPilot:
         self._points_m: NDArray[np.float64] = np.zeros((0, 2))
         self._avoided = OmniAvoided(STAND_STILL, False, 0.0, 0.0)
         self._last_moved = STAND_STILL
+        self._brake = OmniBrake(omni, config.speed, odometry, lambda: self._last_moved)
 
     @property
     def state(self) -> PilotState:
@@ -97,13 +148,9 @@ class OmniPilot:
         along = sum(a * b for a, b in zip(now, self._omni.wheels_mps(self._last_moved), strict=True))
         return math.copysign(max(map(abs, now)), along)
 
-    def pushing(self, duty: float) -> OmniSetting:
-        """All motors, each by its share in the motion last asked for; `duty` is what the car's motor would get."""
-        right, left, back = self._omni.wheels_mps(self._last_moved)
-        fastest = max(map(abs, (right, left, back)))
-        most = max(-1.0, min(1.0, self._config.speed.braking * duty))
-        share = most / fastest if fastest else 0.0
-        return OmniSetting((share * right, share * left, share * back))
+    @property
+    def brake(self) -> OmniBrake:
+        return self._brake
 
     def cut(self) -> None:
         """The motors were cut from outside: forget what the speed loops have wound up."""

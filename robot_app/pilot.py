@@ -20,6 +20,7 @@ from robot_app.control.speed import SpeedController
 from robot_app.control.wall_follower import WallFollower, WallState
 from robot_app.drivers.base import DriveSetting, EncoderCount, ImuSample, RawScan
 from robot_app.mission import Behaviour, Mission, MissionConfig, PathOrder
+from robot_app.safety.motors import HardBrake
 from robot_app.sensing.odometry import Odometry, OdometryConfig, OdometryState
 from shared.geometry.ackermann import CarGeometry
 from shared.geometry.se2 import Pose2
@@ -64,6 +65,7 @@ class Pilot:
         self._number = self._round_of = mission.number
         mission.explores = True
         self._speed = SpeedController(config.speed)
+        self._brake = HardBrake(self._pushing)
         self._behaviour = Behaviour.STAND
         self._is_held = False
         self._order: PathOrder | None = None
@@ -133,7 +135,11 @@ class Pilot:
         """How fast the driven wheels roll, as measured."""
         return self._odometry.state.speed_mps
 
-    def pushing(self, duty: float) -> DriveSetting:
+    @property
+    def brake(self) -> HardBrake:
+        return self._brake
+
+    def _pushing(self, duty: float) -> DriveSetting:
         """With this duty, and the wheels steered as they are."""
         return DriveSetting(duty, self._steering_rad)
 

@@ -10,6 +10,7 @@ from robot_app.drivers.base import DriveSetting, RawScan, Setting
 from robot_app.mission import Mission
 from robot_app.omni_pilot import OmniPilot, warm_up_omni
 from robot_app.pilot import Pilot, PilotState, warm_up
+from robot_app.safety.motors import Brake
 from robot_app.safety.stall import StallConfig, StallWatch
 from robot_app.sensing.odometry import Odometry, OdometryState
 from shared.messages import Hello, ScanGeometry
@@ -36,11 +37,12 @@ class AnyPilot(Protocol):
 
     @property
     def rolling_mps(self) -> float:
-        """How fast the fastest wheel rolls, as measured; negative where that is against the way of `pushing`."""
+        """How fast the fastest wheel rolls, as measured; negative where that is against the last way."""
         ...
 
-    def pushing(self, duty: float) -> Setting:
-        """With this duty along the last way, or against it where it is negative."""
+    @property
+    def brake(self) -> Brake:
+        """What stops it hard."""
         ...
 
     def cut(self) -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable
+from typing import Protocol
 
 from robot_app.drivers.base import DeviceError, Drive, Setting
 
@@ -22,22 +23,45 @@ _LASTS_S = 0.18
 _LOCK_TIMEOUT_S = 0.05
 
 
-class HardBrake:
-    """Says how much to push against the way."""
+class Brake(Protocol):
+    """How a kind of robot is stopped hard."""
 
-    def __init__(self) -> None:
+    def begin(self, now_s: float, speed_mps: float, is_blind: bool = False) -> None:
+        """`speed_mps`: the last one that is known, 0: it stands; `is_blind`: what is measured from now on is wrong."""
+        ...
+
+    def push(self, now_s: float, speed_mps: float | None) -> Setting | None:
+        """`speed_mps` as it is measured, None where it is not. None once the braking is over."""
+        ...
+
+    def standing(self) -> Setting:
+        """Without a push."""
+        ...
+
+
+class HardBrake:
+    """The car's: how much its one motor pushes against the way. `pushing`: the setting with a duty along it."""
+
+    def __init__(self, pushing: Callable[[float], Setting]) -> None:
+        self._pushing = pushing
         self._began_s = -math.inf
         self._from_mps = 0.0
         self._is_blind = False
         self._is_over = True
 
     def begin(self, now_s: float, speed_mps: float, is_blind: bool = False) -> None:
-        """`speed_mps`: the last one that is known; `is_blind`: what is measured from now on is wrong."""
         self._is_blind = is_blind
         self._began_s, self._from_mps, self._is_over = now_s, speed_mps, speed_mps == 0.0
 
+    def push(self, now_s: float, speed_mps: float | None) -> Setting | None:
+        duty = self.duty(now_s, speed_mps)
+        return self._pushing(duty) if duty else None
+
+    def standing(self) -> Setting:
+        return self._pushing(0.0)
+
     def duty(self, now_s: float, speed_mps: float | None) -> float:
-        """`speed_mps` as it is measured, None where it is not. 0 once the braking is over."""
+        """0 once the braking is over."""
         elapsed_s = now_s - self._began_s
         speed_mps = None if self._is_blind else speed_mps
         self._is_over |= not 0 <= elapsed_s < _LASTS_S
@@ -53,17 +77,16 @@ class HardBrake:
 
 
 class Motors:
-    """`pushing`: the setting with a duty along the last way; `forget`: what the speed loop has wound up.
+    """`forget`: what the speed loop has wound up.
 
     `set` is for the control task, `brake` for any that finds that it does not work, `cut` for all.
     """
 
-    def __init__(self, drive: Drive, pushing: Callable[[float], Setting], forget: Callable[[], None]) -> None:
+    def __init__(self, drive: Drive, brake: Brake, forget: Callable[[], None]) -> None:
         self._drive = drive
-        self._pushing = pushing
+        self._brake = brake
         self._forget = forget
         self._lock = threading.Lock()
-        self._brake = HardBrake()
         self._drives = False
         self.applied: Setting | None = None  # None while they are cut
 
@@ -85,8 +108,8 @@ class Motors:
             if self._drives or before_mps:
                 self._brake.begin(now_s, before_mps or speed_mps, is_blind=before_mps != 0.0)
             self._drives = False
-            duty = self._brake.duty(now_s, speed_mps if is_known else None)
-            if not (duty and self._push(duty)):
+            setting = self._brake.push(now_s, speed_mps if is_known else None)
+            if setting is None or not self._push(setting):
                 self._stop()
         finally:
             if waited:
@@ -95,7 +118,7 @@ class Motors:
     def check(self) -> None:
         """Whether the drive obeys while the car stands; raises its `DeviceError`."""
         if self.applied is None:
-            self._drive.set(self._pushing(0.0))
+            self._drive.set(self._brake.standing())
 
     def cut(self) -> None:
         """At once and without a push. Waits for a tick under way, but not for one that hangs."""
@@ -109,10 +132,10 @@ class Motors:
             if waited:
                 self._lock.release()
 
-    def _push(self, duty: float) -> bool:
+    def _push(self, setting: Setting) -> bool:
         """Whether the drive obeyed."""
         try:
-            self.applied = self._drive.set(self._pushing(duty))
+            self.applied = self._drive.set(setting)
         except DeviceError:  # its own task tells it
             return False
         return True

@@ -25,6 +25,7 @@ class OdometryConfig:
     ticks_per_turn: float = 80.0  # SG2A174 encoder, paper 1, table 1
     distance_scale: float = 1.0  # true distance over measured one, from calibration
     speed_window_s: float = 0.10  # 3 mm ticks make a shorter window jump
+    quick_window_s: float = 0.025  # for who brakes and cannot wait
     standing_s: float = 0.30  # without a tick for so long, the car stands and the gyro's bias is learnt
     surely_standing_s: float = 1.0  # … and so much longer where the gyro says that it turns
     creeping_radps: float = 0.01  # five times the noise of a sample of the gyro
@@ -44,7 +45,7 @@ class OdometryConfig:
 class OdometryState:
     """`speed_mps` forward along the heading, `lateral_mps` to its left; `distance_m` counts all directions up.
 
-    `wheels_mps`: how fast the wheels of each motor roll.
+    `wheels_mps`: how fast the wheels of each motor roll; `quick_mps`: the same over a shorter time, so that it jumps.
     """
 
     stamp_s: float
@@ -54,6 +55,7 @@ class OdometryState:
     distance_m: float
     lateral_mps: float = 0.0
     wheels_mps: tuple[float, ...] = ()
+    quick_mps: tuple[float, ...] = ()
 
 
 class Odometry:
@@ -117,9 +119,12 @@ class Odometry:
             wrap_angle(last.odom_from_robot.theta_rad + turn_rad),
         )
         stamp_s = max(sample.stamp_s for sample in (count, imu) if sample is not None)
-        wheels_mps = self._wheels_mps()
+        wheels_mps, quick_mps = (
+            self._wheels_mps(s) for s in (self._config.speed_window_s, self._config.quick_window_s)
+        )
         speed, lateral = self._wheels.velocity_mps(wheels_mps) if wheels_mps else (0.0, 0.0)
-        state = OdometryState(stamp_s, pose, speed, yaw_rate, last.distance_m + step.way_m, lateral, wheels_mps)
+        way_m = last.distance_m + step.way_m
+        state = OdometryState(stamp_s, pose, speed, yaw_rate, way_m, lateral, wheels_mps, quick_mps)
         with self._lock:
             self._state = state
             self._history.append(state)
@@ -144,6 +149,7 @@ class Odometry:
             before.distance_m,
             before.lateral_mps + fraction * (later.lateral_mps - before.lateral_mps),
             before.wheels_mps,
+            before.quick_mps,
         )
 
     def _take_count(self, count: Count) -> Rolled:
@@ -188,13 +194,13 @@ class Odometry:
         window_s = min(self._standing_samples_s, self._config.bias_time_constant_s)
         self._bias_radps += (raw_radps - self._bias_radps) * min(1.0, elapsed_s / max(window_s, 1e-3))
 
-    def _wheels_mps(self) -> tuple[float, ...]:
-        """Over the speed window; nothing before that has passed."""
+    def _wheels_mps(self, window_s: float) -> tuple[float, ...]:
+        """Nothing before that time has passed."""
         if len(self._recent) < 2:
             return ()
         now_s, now_m = self._recent[-1]
         for then_s, then_m in reversed(self._recent):
-            if now_s - then_s >= self._config.speed_window_s:
+            if now_s - then_s >= window_s:
                 return tuple((now - then) / (now_s - then_s) for now, then in zip(now_m, then_m, strict=True))
         return ()
 

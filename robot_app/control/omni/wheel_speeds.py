@@ -6,6 +6,7 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
+from robot_app.control.omni.hard_stop import HardStopConfig
 from robot_app.control.speed import SpeedConfig, SpeedController
 from shared.geometry.omni3 import STAND_STILL, WHEELS, OmniGeometry, Twist, Wheels
 
@@ -29,7 +30,7 @@ class OmniSpeedConfig:
     turn_inertia_s: float = 0.05
     lag_s: float = 0.10  # of the measured speeds: half of the odometry's window, the tick and the motors
     fastest_wheel_mps: float = 0.60  # below what a wheel reaches at full duty; faster motions are scaled as a whole
-    braking: float = 1.6  # of the car's duty to stop hard: with its motors shorted its speed fades in 0.16 s, not 0.10
+    stop: HardStopConfig = field(default_factory=HardStopConfig)
 
 
 class OmniSpeedController:

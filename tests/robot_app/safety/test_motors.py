@@ -30,6 +30,10 @@ class FakeDrive:
         pass
 
 
+def pushing(duty: float) -> DriveSetting:
+    return DriveSetting(duty, 0.1)
+
+
 @pytest.fixture
 def drive() -> FakeDrive:
     return FakeDrive()
@@ -37,7 +41,7 @@ def drive() -> FakeDrive:
 
 @pytest.fixture
 def motors(drive: FakeDrive) -> Motors:
-    return Motors(drive, lambda duty: DriveSetting(duty, 0.1), lambda: None)
+    return Motors(drive, HardBrake(pushing), lambda: None)
 
 
 @pytest.mark.parametrize("is_known", [True, False])
@@ -46,7 +50,7 @@ def test_hard_braking_takes_most_of_the_speed_and_sends_no_car_back_by_two_centi
     fades_s: float, is_known: bool
 ) -> None:
     """`fades_s`: of the speed of the car with its motor cut; the wheels' speed is measured over 0.1 s."""
-    brake, speed_mps, duty, back_m = HardBrake(), 0.46, 0.0, 0.0
+    brake, speed_mps, duty, back_m = HardBrake(pushing), 0.46, 0.0, 0.0
     ways_m = deque([0.46 * STEP_S] * 100, maxlen=100)
     brake.begin(0.0, speed_mps)
     for i in range(300):
@@ -112,7 +116,7 @@ def test_a_thread_that_hangs_in_the_drive_keeps_nobody_from_stopping_it(motors: 
         leave.wait(10.0)
         return DriveSetting(duty, 0.0)
 
-    motors._pushing = hang
+    motors._brake = HardBrake(hang)
     thread = threading.Thread(target=lambda: motors.brake(0.0, 0.0, False, before_mps=0.2))
     thread.start()
     assert entered.wait(10.0)
