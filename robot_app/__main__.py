@@ -20,6 +20,7 @@ from robot_app.check_system import check_system
 from robot_app.config import AnyRobotConfig, load_any_config
 from robot_app.drivers.base import DeviceError
 from robot_app.drivers.raspberry_pi import open_hardware
+from robot_app.kernel_cache import compile_all
 from robot_app.link import open_link
 from robot_app.mission_store import open_store
 from robot_app.real_time import ask_for_real_time, take_priority
@@ -97,7 +98,7 @@ def _drive(config: AnyRobotConfig, args: argparse.Namespace) -> int:
         store = open_store(config.mission.state_folder, os.environ.get("STATE_DIRECTORY"))
         app = RobotApp(hardware, link, clock, config, secrets.randbits(32), store)
         _log.info("compiling; this takes a while the first time")
-        app.warm_up()
+        compile_all(app.warm_up, os.environ.get("NUMBA_CACHE_DIR"))
         ask_for_real_time()
         service = ServiceManager(os.environ.get("NOTIFY_SOCKET"))
         run_robot(
