@@ -18,7 +18,6 @@ import select
 import signal
 import struct
 import sys
-import time
 
 READY = b"r"
 WILL = struct.Struct("<II")  # the push, in nanoseconds of a period, and the levels of the lines for it, bit by bit
@@ -27,9 +26,8 @@ SET_VALUES = 0xC010B40F  # GPIO_V2_LINE_SET_VALUES_IOCTL of linux/gpio.h …
 LINE_VALUES = struct.Struct("<QQ")  # … and its struct gpio_v2_line_values: bits, mask
 LINES = 0b11
 FADES_S = 0.05  # the speed of a car with its motor cut fades in twice that time
-PUSHES_S = 0.15
 _APP, _ANSWER = 0, 1  # file descriptors
-_STEP_S = 0.005
+_STEP_S, _STEPS = 0.005, 30
 _CHUNK = 8192 * WILL.size
 _MCL_CURRENT, _MCL_FUTURE = 1, 2  # linux/mman.h
 
@@ -51,11 +49,10 @@ class Motors:
         self.cut()
         if not push_ns or self._lines == NO_LINES:
             return
-        began_s = time.monotonic()
         with contextlib.suppress(OSError):  # without the lines, or the duty, it stays cut
             self._turn_round(levels)
-            while (elapsed_s := time.monotonic() - began_s) < PUSHES_S:
-                os.pwrite(self._files[0], b"%d\n" % (push_ns * math.exp(-elapsed_s / FADES_S)), 0)
+            for step in range(_STEPS):
+                os.pwrite(self._files[0], b"%d\n" % (push_ns * math.exp(-step * _STEP_S / FADES_S)), 0)
                 if select.select([] if app_is_gone else [app], [], [], _STEP_S)[0]:
                     break
         self.cut()
