@@ -79,18 +79,20 @@ class Lap:
         self._matched_m = self._matched_m + config.step_m if turns else 0.0
         return turns if self._matched_m >= config.sure_m else 0.0
 
-    def came_rad(self) -> float | None:
-        """The direction in which it came to where the lap that is closed began; None where it came from near."""
-        back = self._began - round(self._config.came_m / self._config.step_m)
-        return _direction_rad(self._places[back].pose, self._places[self._began].pose) if back >= 0 else None
+    def leave_out(self) -> float | None:
+        """The lap that is closed: as if the robot had gone on at once where that began.
 
-    def leave_out(self) -> None:
-        """The lap that is closed: as if the robot had gone on at once where that began."""
+        Returns the direction in which it came there. Where it came from near, that is None, and a new lap begins: the
+        first steps led to the island and along no wall of the room.
+        """
         began, here = self._places[self._began], self._places[-1]
+        back = self._began - round(self._config.came_m / self._config.step_m)
+        came_rad = _direction_rad(self._places[back].pose, began.pose) if back >= 0 else None
         whole_rad = math.tau * round((here.turned_rad - began.turned_rad) / math.tau)
         kept = [*islice(self._places, self._began), replace(here, turned_rad=here.turned_rad - whole_rad)]
-        self._places = deque(kept, self._places.maxlen)
+        self._places = deque(kept if came_rad is not None else (), self._places.maxlen)
         self._matched_m = 0.0
+        return came_rad
 
     def _place(self, pose: Pose2) -> _Place:
         if not self._places:

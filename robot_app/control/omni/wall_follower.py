@@ -191,10 +191,9 @@ class OmniWallFollower:
             self._state = WallState.DONE
         elif turns < 0:
             self._state = WallState.LEAVE
-            came_rad = self._lap.came_rad()
+            came_rad = self._lap.leave_out()
             across_rad = pose.theta_rad - self._config.side * math.pi / 2
             self._leave_heading_rad = across_rad if came_rad is None else came_rad
-            self._lap.leave_out()
             self._left_at_m = self._lap.distance_m
 
     def _has_crossed(self, pose: Pose2, clearance_ahead_m: float) -> bool:
