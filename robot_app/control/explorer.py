@@ -31,11 +31,13 @@ class ExplorerConfig:
     coarsest: int = 3  # ways are so many times as coarse where finer ones do not get to all places
     margin_m: float = 0.045  # planned round the body; the avoidance insists on 3 cm
     least_view_m2: float = 0.05  # a place that shows less unseen floor is not worth going to
-    least_yield_m: float = 0.02  # … nor one that shows less for each metre of the way (m² / m)
+    least_yield_m: float = 0.01  # … nor one that shows less for each metre of the way (m² / m)
     way_bonus_m: float = 0.7  # views are weighed by floor shown over the way and this
     place_m: float = 0.25  # places looked at: the best of each square and each of so many headings
     headings: int = 8
     places: int = 2000  # the nearest so many are looked at first; farther ones where those show nothing
+    finer: int = 2  # … and then this many times as densely, among the nearest only: slits show from few places
+    finer_places: int = 6000
     home_m: float = 0.12  # so near to the start is home
     home_rad: float = 0.5
     retreat_m: float = 0.5  # back along the way it came, where no other leads on
@@ -194,14 +196,18 @@ class Explorer:
 
     def _explores(self, ways: Ways) -> bool:
         """Whether these ways lead to unseen floor."""
-        best = self._best_view(ways)
+        config = self._config
+        best = self._best_view(ways, ways.spread(config.place_m, config.headings))
+        if best is None:
+            dense = ways.spread(config.place_m / config.finer, config.headings * config.finer)
+            best = self._best_view(ways, dense[: config.finer_places])
         if best is not None and best > 0:
             self._go(ways.path_to(best))
         return best is not None
 
-    def _best_view(self, ways: Ways) -> int | None:
-        """Where the most floor comes into sight for the way."""
-        config, nodes = self._config, ways.spread(self._config.place_m, self._config.headings)
+    def _best_view(self, ways: Ways, nodes: NDArray[np.int64]) -> int | None:
+        """Of these nodes, the one from which the most floor comes into sight for the way."""
+        config = self._config
         for first in range(0, len(nodes), config.places):
             some = nodes[first : first + config.places]
             views_m2 = self._floor.views_m2(ways.poses[some], self._geometry, self._beams)

@@ -130,6 +130,23 @@ def test_the_explorer_sees_the_whole_yard_and_finishes() -> None:
     assert explorer.seen_m2 > 0.93 * 6.0 - 0.1
 
 
+def test_a_view_that_only_a_few_poses_have_is_found_by_looking_more_densely(monkeypatch: pytest.MonkeyPatch) -> None:
+    def views_m2(_floor: FloorMap, poses: NDArray[np.float64], _geometry: ScanGeometry, _beams: int) -> object:
+        return np.where((np.hypot(poses[:, 0] - 0.95, poses[:, 1] - 0.1) < 0.05) & (poses[:, 2] > 0.4), 0.3, 0.0)
+
+    monkeypatch.setattr(FloorMap, "views_m2", views_m2)
+    explorers = Explorer(CAR, replace(CONFIG, finer=1)), Explorer(CAR, CONFIG)
+    for explorer in explorers:
+        explorer.begin(Task.EXPLORE, Pose2())
+        for pose in (Pose2(0.4, 0.0, 0.0), Pose2(0.0, 0.0, 2.0), Pose2()):
+            explorer.look(scan(YARD, pose), SCANNER, pose, 0.0)
+        explorer.step(Pose2(), 0.0)
+    assert explorers[0].finished
+    leg = explorers[1].leg
+    assert leg is not None
+    assert math.hypot(leg.path[-1, 0] - 0.95, leg.path[-1, 1] - 0.1) < 0.05
+
+
 def test_the_explorer_brings_the_car_home() -> None:
     explorer = Explorer(CAR, CONFIG)
     away = Pose2(1.2, 0.3, 2.0)
