@@ -85,7 +85,7 @@ class RobotApp:
         self._tracker = ObjectTracker(config.perception.tracking)
         self._guard = Guard(config.safety, schedule.SCAN.max_age_s, schedule.ODOMETRY.max_age_s, clock.now_s())
         self._stall = StallWatches(config.safety.stall)
-        self._uplink = Uplink(link, hello_of(config, version("low-bandwidth-mapper")))
+        self._uplink = Uplink(link, hello_of(config, version("low-bandwidth-mapper")), self._tracker.steadied)
         self._scan: Latest[RawScan] = Latest()
         self._objects: Latest[ObjectNetwork] = Latest()
         self._power: Latest[PowerSample] = Latest()
@@ -250,9 +250,6 @@ class RobotApp:
         if image is None or self._spares_depth():
             return
         objects = self._extractor.extract(image)
-        seen = self._odometry.at(image.stamp_s)
-        if seen is not None:
-            objects = self._tracker.update(objects, seen.odom_from_robot)
         self._objects.put(objects, image.stamp_s)
 
     def _spares_depth(self) -> bool:

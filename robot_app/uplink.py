@@ -58,7 +58,8 @@ BUSY = encode(Refusal("another station is connected to it"))
 class Uplink:
     """Joins the app to a link; the link may come and go."""
 
-    def __init__(self, link: Link, hello: Hello) -> None:
+    def __init__(self, link: Link, hello: Hello, steadied: Callable[[Observation], Observation]) -> None:
+        """`steadied` as of `ObservationEncoder`; it is asked for what may go over LoRa."""
         self._link = link
         self._hello = hello
         self._decoder = Decoder()
@@ -72,7 +73,7 @@ class Uplink:
         self._awaits_heartbeat = False
         self._word_s = math.nan
         self._has_radio = link.health.lora is not None
-        self._encoder = ObservationEncoder()
+        self._encoder = ObservationEncoder(steadied)
         self._budget = Budget(_WANTED_HZ)
         self._resets = link.resets
         self._keyframe_s = -math.inf

@@ -3,12 +3,16 @@
 Each one is made in both profiles: Wi-Fi carries FULL with COMPACT behind it, LoRa COMPACT alone. So the two sides of
 COMPACT stay in step whatever path an observation took, and neither a change of the path nor a return costs a keyframe.
 
+FULL has the objects as this one depth image shows them, which tells a map most: each image is a measurement of its own.
+COMPACT has them held still from image to image, for it is cheap to say that nothing has changed.
+
 What a datagram is shows in its first byte: a multiple of 8 begins COMPACT in order, `_BOTH` the pair, anything else is
 the version of `codec`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from shared.messages import Message, Observation
@@ -31,8 +35,10 @@ class EncodedObservation:
 class ObservationEncoder:
     """The robot's side. What is encoded must be sent, in its order; `reset` where that was not possible."""
 
-    def __init__(self) -> None:
+    def __init__(self, steadied: Callable[[Observation], Observation]) -> None:
+        """`steadied`: an observation with its objects held as they were said before, as far as that is still true."""
         self._compact = CompactEncoder(in_order=True, check_bytes=_CHECK_BYTES)
+        self._steadied = steadied
 
     def reset(self) -> None:
         """The other side may have nothing: the next one stands for itself."""
@@ -42,7 +48,7 @@ class ObservationEncoder:
         """Above `max_compact_bytes` detail is left out of the compact version, as far as it can be."""
         full = codec.encode(observation)
         try:
-            encoded = self._compact.encode(observation, max_compact_bytes)
+            encoded = self._compact.encode(self._steadied(observation), max_compact_bytes)
         except ValueError:
             return EncodedObservation(full, None)
         compact = encoded.datagram

@@ -36,7 +36,7 @@ HELLO = Hello("r", "0", ((0.0, 0.0),), 0.5)
 class Robot:
     def __init__(self) -> None:
         self.link, self.station = loopback_pair()
-        self.uplink = Uplink(self.link, HELLO)
+        self.uplink = Uplink(self.link, HELLO, lambda o: o)
         self.handled: list[Command] = []
         self.heard = 0
         self.changed_hands = 0
@@ -171,7 +171,7 @@ def radio() -> Radio:
 
 @pytest.fixture
 def on_lora(radio: Radio) -> Uplink:
-    return Uplink(radio, HELLO)
+    return Uplink(radio, HELLO, lambda o: o)
 
 
 def test_over_lora_a_pulse_a_second_stands_for_the_telemetry(radio: Radio, on_lora: Uplink) -> None:

@@ -61,7 +61,7 @@ class Robot:
         link = LinkConfig(use, 0, "127.0.0.1", str(pairing))
         config = replace(load_config(None), link=link, radio=RadioConfig(("/dev/no-such-port",)))
         self._opened = open_link(config, self._clock)
-        self._uplink = Uplink(self._opened.link, Hello("r", "0", ((0.0, 0.0),), 0.5))
+        self._uplink = Uplink(self._opened.link, Hello("r", "0", ((0.0, 0.0),), 0.5), lambda o: o)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()

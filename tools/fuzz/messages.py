@@ -171,7 +171,7 @@ class LinkMessages:
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
-        self._encoder, self._decoder = ObservationEncoder(), MessageDecoder(compact=True)
+        self._encoder, self._decoder = ObservationEncoder(lambda o: o), MessageDecoder(compact=True)
         self._observations = endless(drive(_OBSERVATIONS, rng))
         self._others = [full_profile.encode(m) for m in sound_messages(rng) if not isinstance(m, Observation)]
         self._strangers = Strangers(rng, _LONGEST_RANDOM)

@@ -8,7 +8,7 @@ scene gives the same network again and again, and only what changed needs to be 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from robot_app.perception.config import TrackingConfig
 from robot_app.perception.identity import _kernels as kernels
 from robot_app.perception.identity.outline import Outline, Outlines, outlines_of, snapped
 from shared.geometry.se2 import Pose2
-from shared.messages import ObjectNetwork
+from shared.messages import ObjectNetwork, Observation
 
 FloatArray = NDArray[np.float64]
 
@@ -60,6 +60,12 @@ class ObjectTracker:
                 self._known.append(_Object(new.items[k]))
         self._forget()
         return _together(self._visible(), odom_from_robot.inverse())
+
+    def steadied(self, observation: Observation) -> Observation:
+        """The observation with what is there; as it is when no image was looked at."""
+        if not observation.has_objects:
+            return observation
+        return replace(observation, objects=self.update(observation.objects, observation.odom_from_robot))
 
     def warm_up(self) -> None:
         """Compile the kernels; what is known stays as it is."""

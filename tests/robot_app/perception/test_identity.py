@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from robot_app.perception.identity import _kernels as kernels
 from robot_app.perception.identity.tracker import ObjectTracker
 from shared.geometry.se2 import Pose2
 from shared.messages import ObjectNetwork
+from tests.shared import samples
 
 HERE = Pose2()
 SQUARE = np.array([[2.0, -0.2, 0.0], [2.0, 0.2, 0.0], [2.0, 0.2, 0.4], [2.0, -0.2, 0.4]])
@@ -188,6 +190,27 @@ def test_the_most_alike_are_matched_first_and_each_but_once() -> None:
     alike = np.array([[0.6, 0.5], [0.9, 0.7], [0.3, 0.2]])
     kernels.match_most_alike(alike, 0.25, owners)
     assert owners.tolist() == [1, 0, -1]
+
+
+def test_an_observation_is_steadied_where_it_was_seen_from(rng: np.random.Generator) -> None:
+    tracker, poses = ObjectTracker(TrackingConfig()), (Pose2(), Pose2(0.3, 0.1, 0.2))
+    seen = [
+        replace(
+            samples.observation(rng),
+            odom_from_robot=pose,
+            objects=seen_from([noisy(SQUARE, seed)], pose),
+            has_objects=True,
+        )
+        for seed, pose in enumerate(poses)
+    ]
+    first, second = (tracker.steadied(each) for each in seen)
+    first_m, second_m = (each.odom_from_robot.apply_3d(each.objects.nodes_m) for each in (first, second))
+    np.testing.assert_allclose(first_m, second_m, atol=1e-6)
+
+
+def test_where_no_image_was_looked_at_nothing_is_steadied(rng: np.random.Generator) -> None:
+    blind = replace(samples.observation(rng, nodes=0), has_objects=False)
+    assert ObjectTracker(TrackingConfig()).steadied(blind) is blind
 
 
 @settings(deadline=None, max_examples=30)

@@ -557,7 +557,7 @@ def test_the_operator_is_told_how_the_radios_do(
 def test_observations_that_cannot_be_followed_make_it_want_a_keyframe(
     over_lora: Session, lora: OverLora, heard: Heard, clock: ManualClock, rng: np.random.Generator
 ) -> None:
-    encoder = ObservationEncoder()
+    encoder = ObservationEncoder(lambda o: o)
     _, second, third = (encoder.encode(o).compact or b"" for o in drive(3, rng))
     lora.incoming.extend((second, third))
     run(over_lora, clock, 1.0)

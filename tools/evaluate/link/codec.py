@@ -16,6 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from robot_app.config import load_config as load_robot
+from robot_app.perception.config import TrackingConfig
+from robot_app.perception.identity.tracker import ObjectTracker
 from shared.command_line import EXIT_FAILED, EXIT_MISUSE, EXIT_OK, existing_file, seed
 from shared.messages import Observation
 from shared.protocol.codec import Decoder as FullDecoder
@@ -127,10 +129,10 @@ def observations_of(log: Path, corrects: bool = False) -> tuple[str, list[Observ
 
 
 def recorded(path: Path) -> list[Observation]:
-    """The observations of a recorded mission."""
-    decoder = FullDecoder()
+    """The observations of a recorded mission, with their objects held still as the robot holds them for LoRa."""
+    decoder, tracker = FullDecoder(), ObjectTracker(TrackingConfig())
     messages = (decoder.decode(record.datagram) for record in MissionReader(path))
-    observations = [message for message in messages if isinstance(message, Observation)]
+    observations = [tracker.steadied(message) for message in messages if isinstance(message, Observation)]
     if not observations:
         raise LogError(f"{path}: holds no observation")
     return observations

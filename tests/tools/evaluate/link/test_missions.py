@@ -19,7 +19,7 @@ from tools.simulator.witness import Side, Witness
 
 
 def test_figures_of_a_link_that_carries_compact_observations(rng: np.random.Generator) -> None:
-    clock, witness, encoder = ManualClock(), Witness(), ObservationEncoder()
+    clock, witness, encoder = ManualClock(), Witness(), ObservationEncoder(lambda o: o)
     robot, station = loopback_pair()
     there, here = witness.watch(robot, Side.ROBOT, clock), witness.watch(station, Side.STATION, clock)
     sizes = []
