@@ -14,12 +14,14 @@ from enum import Enum
 
 from robot_app.drivers.base import DriveSetting, EncoderCount
 
+_ROUNDING_S = 1e-6
+
 
 @dataclass(frozen=True, slots=True)
 class WheelWatchConfig:
     lone_ticks: int = 8  # of one wheel while the other counts nothing: 25 mm
     silent_ticks: float = 5.0  # that were due from both wheels together, by the last speed, and did not come …
-    silent_s: float = 0.04  # … and for so long at least
+    silent_s: float = 0.03  # … and for so long at least
     silent_above_mps: float = 0.08  # slower ticks come too far apart to be missed
     pushing_duty: float = 0.15
     servo_lag_s: float = 0.06
@@ -81,7 +83,7 @@ class WheelWatch:
         return fault
 
     def _lone(self, left: int, right: int, speed_mps: float) -> WheelFault | None:
-        if not (self._lone_left or self._lone_right):
+        if not (self._lone_left or self._lone_right) and math.isnan(self._silence_began_s):
             self.speed_before_mps = speed_mps
         # With their signs: a car that stands on the edge of a tick counts it to and fro.
         self._lone_left = 0 if right else self._lone_left + left
@@ -104,7 +106,7 @@ class WheelWatch:
             self._silence_began_s, self.speed_before_mps = now_s, speed_mps
             tick_s = self._metres_per_tick / (2 * abs(speed_mps))
             self._silent_limit_s = max(c.silent_s, c.silent_ticks * tick_s)
-        return WheelFault.SILENT if now_s - self._silence_began_s >= self._silent_limit_s else None
+        return WheelFault.SILENT if now_s - self._silence_began_s > self._silent_limit_s - _ROUNDING_S else None
 
     def _are_apart(self, ticks: float, setting: DriveSetting | None, yaw_rate_radps: float, elapsed_s: float) -> bool:
         """Two one-sided cumulative sums (Page, Biometrika 41, 1954): as late as is needed, as soon as can be."""

@@ -60,6 +60,17 @@ def test_both_that_fall_silent_while_the_motor_pushes_are_noticed_within_a_tenth
     assert watch.speed_before_mps == 0.2
 
 
+def test_what_is_braked_from_is_the_speed_before_the_silence_not_the_average_that_falls_meanwhile(
+    watch: WheelWatch,
+) -> None:
+    fault, speed_mps = None, 0.3
+    for i in range(12):
+        fault = fault or watch.update(EncoderCount(i / 100, 9, 9), 0.0, speed_mps, DriveSetting(0.5, 0.0))
+        speed_mps = 0.3 * (1 - i / 10)
+    assert fault is WheelFault.SILENT
+    assert watch.speed_before_mps == 0.3
+
+
 @pytest.mark.parametrize("duty", [0.0, 0.1, -0.4])
 def test_wheels_that_are_not_pushed_may_stand(watch: WheelWatch, duty: float) -> None:
     assert not any(watch.update(count, 0.0, 0.2, DriveSetting(duty, 0.0)) for count in counts(1.0, 0.0, 0.0))
