@@ -17,7 +17,7 @@ from shared.runtime.clock import Clock
 _log = logging.getLogger(__name__)
 _SERVO_PERIOD_NS = 20_000_000  # 50 Hz
 _ROLLS_S = 0.12  # the speed of a car follows its duty with this delay: so does what it takes to brake it
-_AGAINST = 1.6  # duty against the way, of the one along it: a car that stops within half the time is sent back by 1 cm
+_AGAINST = 1.2  # duty against the way, of the one along it: a car that stops twice as fast as ours is sent back by 2 cm
 _LONGEST_STEP_S = 0.5
 
 

@@ -75,7 +75,7 @@ def test_what_the_guardian_is_to_do_is_to_push_against_the_way_as_long_as_the_ca
         rolling, rest = wills[-1], DriveSetting(0.0, 0.0)
         assert rolling is not None
         assert rolling.levels == (False, True)
-        assert rolling.push_ns == pytest.approx(1.6 * 0.5 * 50_000, rel=0.02)
+        assert rolling.push_ns == pytest.approx(1.2 * 0.5 * 50_000, rel=0.02)
         for _ in range(20):
             clock.advance(0.02)
             drive.set(rest)
