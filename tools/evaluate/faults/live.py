@@ -30,7 +30,7 @@ from tools.demo_robot import program
 from tools.evaluate.faults.cases import LIMIT_S
 from tools.evaluate.faults.wires import Reading, Ride, Wires, ride, watch
 
-_DRIVES_S, _LONGEST_S = 4.0, 60.0
+_DRIVES_S, _LONGEST_S = 1.5, 90.0
 _WATCHED_S = 3.0
 _BEFORE_S = 0.9  # so long the car needs to be as fast as it was
 _REST_S, _LOOK_EVERY_S = 0.0005, 0.1
