@@ -4,11 +4,13 @@
 things that have a vertical edge in view for 10 cm or more from somewhere on the way; one is found when 70 % of these
 edges are, and an edge is when along half of what can be seen of it a nearly upright edge of the map is within 4 cm.
 `phantom_objects`: those that lie farther than 10 cm from every true surface over more than half of their length.
-`height_error_m`: RMS, over the found things whose upper rim was in view, of the highest point of the map that is
-nearer to this thing than to any other, against its true height. `edge_rmse_m`: of every 2 cm of the nearly upright
-edges in the map that are within 10 cm of a corner of anything true, how far they are from it, across. `stray_edges`:
-the share of all that is drawn with no edge of anything true within 4 cm. `drawn_times`: by how many edges of the map
-the true ones are drawn, in the mean over every 2 cm of them by which something runs.
+Heights are those of the found things whose upper rim was in view: the highest point of the map that is nearer to this
+thing than to any other, against its true height. Where that point is the open end of an upright edge, the map says only
+that the thing is at least so high. `height_error_m`: RMS over the others, whose height the map claims to know;
+`heights_known`: their share; `drawn_height_error_m`: RMS over all, as they are drawn. `edge_rmse_m`: of every 2 cm of
+the nearly upright edges in the map that are within 10 cm of a corner of anything true, how far they are from it,
+across. `stray_edges`: the share of all that is drawn with no edge of anything true within 4 cm. `drawn_times`: by how
+many edges of the map the true ones are drawn, in the mean over every 2 cm of them by which something runs.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from station_gui.mapping.objects.open_tops import open_tops
 from station_gui.mapping.snapshot import ObjectMap
 from tools.evaluate.mapping.edges import STEP_M, SeenThings, TrueEdge
 from tools.evaluate.mapping.world import TrueWorld
@@ -32,6 +35,7 @@ _ITEM_SHARE = 0.7  # of the edges that can be seen of a thing
 _PHANTOM_M = 0.10  # what is farther off belongs to nothing true
 _UPRIGHT_COS = math.cos(math.radians(30.0))
 _FINE_M = 0.005
+_SAME_TOP_M = 0.03  # of two edges
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,11 +47,21 @@ class ObjectError:
     object_recall: float
     phantom_objects: int
     height_error_m: float
+    heights_known: float
+    drawn_height_error_m: float
     stray_edges: float
     drawn_times: float
     objects: int  # in the map
     true_objects: int  # that can have been seen
     missed: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Heights:
+    """(H,) each: how much too high a thing is drawn, and whether the map claims to know how high it is."""
+
+    off_m: FloatArray
+    known: NDArray[np.bool_]
 
 
 def object_error(objects: ObjectMap, world: TrueWorld, things: SeenThings) -> ObjectError:
@@ -58,13 +72,18 @@ def object_error(objects: ObjectMap, world: TrueWorld, things: SeenThings) -> Ob
     upright_m = segments_m[_is_upright(segments_m)]
     found = _found_items(things, _found_edges(upright_m, things.edges))
     stray, times = _drawn(points_m, segment, world.edge_lines_m())
+    near = off_m < _PHANTOM_M
+    tops_m = {k: top_m for k, top_m in things.tops_m.items() if k in found}
+    heights = _heights(points_m[near], open_tops(segments_m)[segment[near]], world, tops_m)
     names = [world.scenario.items[k].name for k in things.items if k not in found]
     return ObjectError(
         object_rmse_m=_rms(off_m),
         edge_rmse_m=_rms(_across_m(upright_m, world.corner_lines_m())),
         object_recall=len(found) / len(things.items) if things.items else math.nan,
         phantom_objects=_phantoms(off_m, objects.cluster[segment]),
-        height_error_m=_height_error_m(points_m[off_m < _PHANTOM_M], world, things, found),
+        height_error_m=_rms(heights.off_m[heights.known]),
+        heights_known=float(np.mean(heights.known)) if len(heights.known) else math.nan,
+        drawn_height_error_m=_rms(heights.off_m),
         stray_edges=stray,
         drawn_times=times,
         objects=len(np.unique(objects.cluster)),
@@ -134,12 +153,17 @@ def _phantoms(off_m: FloatArray, cluster: NDArray[np.int32]) -> int:
     return int(np.count_nonzero(far > 0.5 * np.maximum(pieces, 1)))
 
 
-def _height_error_m(points_m: FloatArray, world: TrueWorld, things: SeenThings, found: set[int]) -> float:
-    """`points_m`: (N, 3) of the map, near true surfaces."""
+def _heights(points_m: FloatArray, is_open: NDArray[np.bool_], world: TrueWorld, tops_m: dict[int, float]) -> _Heights:
+    """`points_m`: (N, 3) of the map, near true surfaces; `is_open`: (N,) those of edges that may go on above."""
     item = world.nearest_item(points_m)
-    measured = [k for k in sorted(found & things.tops_m.keys()) if (item == k).any()]
-    off_m = [points_m[item == k, 2].max() - things.tops_m[k] for k in measured]
-    return _rms(np.array(off_m))
+    off_m, known = [], []
+    for k in sorted(tops_m):
+        of_item = item == k
+        if of_item.any():
+            top_m = points_m[of_item, 2].max()
+            off_m.append(top_m - tops_m[k])
+            known.append(bool((points_m[of_item & ~is_open, 2] > top_m - _SAME_TOP_M).any()))
+    return _Heights(np.array(off_m, np.float64), np.array(known, np.bool_))
 
 
 def _rms(values: FloatArray) -> float:
