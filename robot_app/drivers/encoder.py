@@ -79,6 +79,7 @@ class _Counter:
         self._lines = {line: (wheel, i) for wheel in wheels for i, line in enumerate(wheel.lines)}
         self._last_seqno: int | None = None
         self.lost_edges = 0
+        self._tell_at = 1  # lost edges: a line that chatters must not fill the log
         self._request: Any = self._open(chip, pull_up)
         self._read_levels()
 
@@ -137,7 +138,9 @@ class _Counter:
                 wheel_line[0].edge(wheel_line[1], int(kind == _RISING))
         if lost:
             self.lost_edges += lost
-            _log.warning("%s: %d edges were lost; nobody read them in time", self._name, lost)
+            if self.lost_edges >= self._tell_at:
+                self._tell_at = 2 * self.lost_edges
+                _log.warning("%s: %d edges were lost so far; nobody read them in time", self._name, self.lost_edges)
             self._read_levels()
 
     def _count_lost(self, seqno: NDArray[np.uint32]) -> int:

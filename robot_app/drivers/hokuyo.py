@@ -149,6 +149,7 @@ class HokuyoScanner:
         characters = 2 if min(p.range_max_mm, self._config.range_max_m * 1e3) <= _SHORT_MAX_MM else 3
         self._decoder = ScanDecoder(p.beams, characters)
         self._arrival, self._late_scans = ArrivalFilter(), 0
+        self._told_status = b""
         self._counter = WrappingCounter(_COUNTER_BITS, _COUNTER_TICK_S)
         client.laser_on()
         request = f"{'MS' if characters == 2 else 'MD'}{p.first_step:04d}{p.last_step:04d}010"  # every step, every scan
@@ -228,11 +229,12 @@ class HokuyoScanner:
         return self._arrival.arrival_s(device_s, arrived_s)
 
     def _judge(self, status: bytes) -> None:
-        if status in {OK, RESUMED, UNSTABLE}:
+        if status in {OK, RESUMED, UNSTABLE} or status == self._told_status:
             return
         text = f"{self._name}: {status_name('MS', status)}"
         if status.isdigit() and int(status) in _HARDWARE_TROUBLE:
             raise DeviceError(text)
+        self._told_status = status
         _log.warning("%s", text)
 
     def _raw(self, scan: _Scan) -> RawScan:

@@ -72,6 +72,17 @@ def test_a_start_in_the_middle_of_a_tick_counts_right(gpio: GpioChip) -> None:
     encoders.close()
 
 
+def test_a_line_that_chatters_does_not_fill_the_log(gpio: GpioChip, caplog: pytest.LogCaptureFixture) -> None:
+    encoders = QuadratureEncoders(CONFIG, ManualClock())
+    for _ in range(100):
+        gpio.turn(*LEFT, edges=5, lost=True)
+        gpio.turn(*LEFT, edges=1)
+        encoders.read(0.0)
+    assert encoders.lost_edges == 495  # those before the first event have no number
+    assert 2 <= len(caplog.records) <= 10
+    encoders.close()
+
+
 def test_lost_edges_are_counted_and_the_levels_read_again(gpio: GpioChip) -> None:
     encoders = QuadratureEncoders(CONFIG, ManualClock())
     gpio.turn(*LEFT, edges=8)

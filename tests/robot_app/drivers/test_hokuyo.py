@@ -23,6 +23,7 @@ from tools.simulator.devices.scip_sensor import (
     ScipSensor,
     read_session,
     scan_reply,
+    status_reply,
 )
 from tools.simulator.devices.tcp_server import TcpServer
 
@@ -317,6 +318,18 @@ def test_a_scanner_that_checks_itself_is_waited_for(attach, clock: MonotonicCloc
     checking, resumed = (scan_reply(b"MS0044072501000", 0, values_mm, status=s) for s in (b"21", b"98"))
     server.send(checking[:40] + b"\n\n" + resumed[:40] + b"\n\n" + sensor.scan(np.full(682, 888)))
     assert np.all(read(scanner).ranges_m == np.float32(0.888))
+    scanner.close()
+
+
+def test_what_a_scanner_says_again_and_again_is_logged_once(
+    attach, clock: MonotonicClock, values_mm: Values, caplog: pytest.LogCaptureFixture
+) -> None:
+    sensor = ScipSensor(values_mm)
+    server = attach(sensor)
+    scanner = HokuyoScanner(config(server, silence_s=5.0), clock)
+    server.send(20 * status_reply(b"MS0044072501000", b"0L") + sensor.scan(np.full(682, 888)))
+    assert np.all(read(scanner).ranges_m == np.float32(0.888))
+    assert len([r for r in caplog.records if "0L: is in trouble" in r.getMessage()]) == 1
     scanner.close()
 
 
