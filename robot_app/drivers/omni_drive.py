@@ -30,14 +30,15 @@ class OmniDrive:
         self._closed = False
         self._forward: list[bool | None] = [None] * len(config.wheels)
         with ExitStack() as opened:
+            # The lines first: whoever has them drives, and a PWM channel can be opened by anybody.
+            lines = tuple(line for wheel in config.wheels for line in (wheel.forward_line, wheel.reverse_line))
+            self._direction = GpioOutputs("drive direction", config.gpio_chip, lines)
+            opened.callback(self._direction.close)
             self._motors: list[SysfsPwm] = []
             for name, wheel in zip(_NAMES, config.wheels, strict=True):
                 motor = SysfsPwm(f"{name} motor", config.pwm_chip, wheel.pwm_channel, self._period_ns, clock)
                 opened.callback(motor.close)
                 self._motors.append(motor)
-            lines = tuple(line for wheel in config.wheels for line in (wheel.forward_line, wheel.reverse_line))
-            self._direction = GpioOutputs("drive direction", config.gpio_chip, lines)
-            opened.callback(self._direction.close)
             self._guardian = Guardian([motor.duty_file for motor in self._motors])
             opened.callback(self._guardian.close)
             self._devices = opened.pop_all()

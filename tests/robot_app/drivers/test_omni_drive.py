@@ -141,6 +141,16 @@ def test_a_missing_controller_is_named(config: OmniWheelsConfig, gpio: GpioChip,
     assert not gpio.requests
 
 
+def test_motors_that_another_program_drives_are_left_alone(
+    config: OmniWheelsConfig, gpio: GpioChip, pwm: PwmFolder
+) -> None:
+    gpio.used.add(LINES[2][1])
+    (pwm.path / "pwm0" / "duty_cycle").write_text("12000\n", "ascii")
+    with pytest.raises(DeviceError, match="drive direction at /dev/gpiochip0"):
+        OmniDrive(config, ManualClock())
+    assert pwm.value(0, "duty_cycle") == 12_000
+
+
 def test_three_encoders_count_each_by_itself(config: OmniWheelsConfig, gpio: GpioChip) -> None:
     encoders = OmniEncoders(config, ManualClock())
     for (a, b), edges in zip(ENCODERS, (40, -80, 4), strict=True):
