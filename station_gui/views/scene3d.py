@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtGui import QColor
 
+from station_gui.mapping.objects.open_tops import open_tops
 from station_gui.mapping.snapshot import ObjectKind, ObjectMap
 from station_gui.qt import theme
 from station_gui.views.grid_picture import Extent
-from station_gui.views.pose import finite_rows
 
 ROBOT_HEIGHT_M = 0.20  # paper 1, figure 2: 350 x 200 x 200 mm
 _WHEEL_RADIUS_M = 0.04
@@ -20,6 +20,7 @@ _WHEEL_SIDES = 14
 _MAX_LINES = 200
 _RING_SIDES = 28
 _RING_M = 0.12
+_DASHED_M = 0.24  # of an edge that may go on
 # How much light a face gets by where it points: top, ends, sides. Fixed to the robot, so that it reads as a body.
 _SHADES = {"top": 1.12, "front": 0.92, "back": 0.70, "side": 0.80, "bottom": 0.5}
 
@@ -34,11 +35,28 @@ class Mesh:
 
 
 def segments_of(objects: ObjectMap, kind: ObjectKind) -> NDArray[np.float32]:
-    """(2 S, 3): both ends of each segment of this kind, one after another, as a line list wants them."""
+    """(2 S, 3): both ends of each segment of this kind, one after another, as a line list wants them.
+
+    Upright ones that may go on above end in dashes.
+    """
     segments = np.asarray(objects.segments_m, np.float64).reshape(-1, 2, 3)
     kinds = np.asarray(objects.kind).reshape(-1)
-    chosen = segments[: len(kinds)][kinds[: len(segments)] == int(kind)]
-    return finite_rows(chosen).astype(np.float32).reshape(-1, 3)
+    finite = np.isfinite(segments).all(axis=(1, 2))[: len(kinds)]
+    segments, chosen = segments[: len(kinds)][finite], np.asarray(kinds[: len(segments)] == int(kind))[finite]
+    is_open = open_tops(segments)
+    shown = np.concatenate((segments[chosen & ~is_open], _dashed(segments[chosen & is_open])))
+    return shown.astype(np.float32).reshape(-1, 3)
+
+
+def _dashed(upright_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Each of the segments, (N, 2, 3), as a solid lower part and three dashes up to its upper end."""
+    low_m = np.take_along_axis(upright_m, upright_m[:, :, 2].argmin(axis=1)[:, None, None], axis=1)
+    way_m = upright_m.sum(axis=1, keepdims=True) - 2 * low_m
+    length_m = np.maximum(np.linalg.norm(way_m, axis=2), 1e-9)
+    solid = np.maximum(1 - _DASHED_M / length_m, 0.5)
+    parts = [(0.0 * solid, solid)]
+    parts += [(solid + (1 - solid) * (2 * k + 1) / 6, solid + (1 - solid) * (2 * k + 2) / 6) for k in range(3)]
+    return np.concatenate([low_m + np.stack(ends, axis=1) * way_m for ends in parts])
 
 
 def robot_mesh(corners_m: NDArray[np.float64]) -> Mesh:

@@ -116,6 +116,18 @@ def test_segments_are_split_by_kind_and_odd_ones_left_out(room):
     assert np.isfinite(large).all()
 
 
+def test_sides_that_may_go_on_end_in_dashes(room):
+    side, rim = [[0.0, 0.0, 0.8], [0.0, 0.0, 0.0]], [[0.0, 0.0, 0.8], [1.0, 0.0, 0.8]]
+    large = np.full(2, ObjectKind.LARGE, np.uint8)
+    alone = dataclasses.replace(room.objects, segments_m=np.array([side], np.float32), kind=large[:1])
+    dashes = scene3d.segments_of(alone, ObjectKind.LARGE).reshape(-1, 2, 3)
+    assert len(dashes) == 4
+    assert dashes[:, :, 2].max() == pytest.approx(0.8)
+    assert np.abs(np.diff(dashes[:, :, 2], axis=1)).sum() == pytest.approx(0.8 - 0.24 / 2)
+    topped = dataclasses.replace(room.objects, segments_m=np.array([side, rim], np.float32), kind=large)
+    assert len(scene3d.segments_of(topped, ObjectKind.LARGE)) == 4
+
+
 def test_the_robot_is_as_large_as_in_the_paper():
     corners = np.array([[-0.045, -0.1], [0.305, -0.1], [0.305, 0.1], [-0.045, 0.1]])
     mesh = scene3d.robot_mesh(corners)
