@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -34,6 +35,7 @@ class AckermannDrive:
         self._centre_us = config.servo_centre_us + config.servo_trim_us
         self._motor_period_ns = round(1e9 / config.motor_hz)
         self._closed = False
+        self._told: set[str] = set()
         self._is_forward: bool | None = None
         self._clock = clock
         self._pushed = 0.0  # smoothed duty, in place of the speed, which nobody tells a drive
@@ -70,7 +72,8 @@ class AckermannDrive:
         self._is_forward = None
         self._pushed = 0.0
         if not self._closed:
-            self._try(self._guardian.alive)  # a car that was cut on purpose is not braked by the guardian
+            with contextlib.suppress(DeviceError):  # who sets the motor next hears of it
+                self._guardian.alive()  # a car that was cut on purpose is not braked
             self._try(lambda: self._motor.set_pulse_ns(0))
             self._try(lambda: self._direction.set(False, False))
 
@@ -112,9 +115,10 @@ class AckermannDrive:
         self._is_forward = levels[0]
         self._motor.set_pulse_ns(round(abs(duty) * self._motor_period_ns))
 
-    @staticmethod
-    def _try(action: Callable[[], None]) -> None:
+    def _try(self, action: Callable[[], None]) -> None:
         try:
             action()
         except DeviceError as error:
-            _log.error("the motor may not have been cut: %s", error)
+            if str(error) not in self._told:  # it is cut again with each tick
+                _log.error("the motor may not have been cut: %s", error)
+            self._told.add(str(error))

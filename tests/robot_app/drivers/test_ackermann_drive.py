@@ -147,15 +147,22 @@ def test_stopping_cuts_both_inputs_of_the_bridge(drive: AckermannDrive, pwm: Pwm
 
 
 @pytest.mark.parametrize("broken", ["lines", "pwm"])
-def test_stopping_never_raises_and_cuts_what_it_can(
-    drive: AckermannDrive, pwm: PwmFolder, gpio: GpioChip, broken: str, monkeypatch: pytest.MonkeyPatch
+def test_stopping_never_raises_cuts_what_it_can_and_says_once_what_it_cannot(
+    drive: AckermannDrive,
+    pwm: PwmFolder,
+    gpio: GpioChip,
+    broken: str,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
     drive.set(DriveSetting(0.5, 0.1))
     if broken == "lines":
         gpio.is_broken = True
     else:
         monkeypatch.setattr("os.pwrite", _refuse)
-    drive.stop()
+    for _ in range(3):
+        drive.stop()
+    assert len(caplog.records) == 1
     if broken == "lines":
         assert pwm.value(MOTOR, "duty_cycle") == 0
     else:
