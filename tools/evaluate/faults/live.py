@@ -75,7 +75,8 @@ LIVE_CASES = {
     "killed": _LiveCase("app killed with SIGKILL", True, _signalled(signal.SIGKILL)),
     "stopped": _LiveCase("app hangs as a whole (SIGSTOP)", True, _signalled(signal.SIGSTOP)),
     "thread-hung": _LiveCase("thread of the control task hangs", True, _signalled(signal.SIGUSR1)),
-    "clock-step": _LiveCase("time of day jumps by an hour", False, _signalled(signal.SIGUSR2)),
+    "clock-step": _LiveCase("time of day jumps an hour ahead", False, _signalled(signal.SIGUSR2)),
+    "clock-back": _LiveCase("time of day jumps an hour back", False, _signalled(signal.SIGRTMIN)),
     "disk-full": _LiveCase("disk full, the robot's and the station's", False, _fill_disk, full_disk=True),
 }
 

@@ -1,6 +1,6 @@
 """The robot app with its real drive on an emulated PWM and a guardian of flesh and blood, to be killed and hung.
 
-SIGUSR1: the control task hangs. SIGUSR2: the time of day jumps by an hour.
+SIGUSR1: the control task hangs. SIGUSR2, SIGRTMIN: the time of day jumps an hour ahead, back.
 """
 
 from __future__ import annotations
@@ -70,15 +70,16 @@ class _HangingApp(RobotApp):
         return [Task(t.row, hanging(t.step)) if t.row.name == "control" else t for t in super().tasks()]
 
 
-def _jump(*_: object) -> None:
+def _jump(seconds: float) -> None:
     now_s, now_ns = time.time, time.time_ns
-    time.time = lambda: now_s() + _HOUR_S
-    time.time_ns = lambda: now_ns() + int(_HOUR_S * 1e9)
+    time.time = lambda: now_s() + seconds
+    time.time_ns = lambda: now_ns() + int(seconds * 1e9)
 
 
 def _work(folder: Path, says: Path) -> int:
     stop, start_s = stop_on_signals(), time.monotonic()
-    signal.signal(signal.SIGUSR2, _jump)
+    signal.signal(signal.SIGUSR2, lambda *_: _jump(_HOUR_S))
+    signal.signal(signal.SIGRTMIN, lambda *_: _jump(-_HOUR_S))
     clock, config = SharedClock(start_s), load_config(None)
     assert isinstance(config, RobotConfig)
     wires = DriveConfig(pwm_chip=str(PwmFolder(folder).path))
