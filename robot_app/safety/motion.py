@@ -76,7 +76,10 @@ class MotionWatch:
         elif isinstance(self._wheels, OmniWheelWatch) and isinstance(count, OmniCount):
             duties = applied if isinstance(applied, OmniSetting) else None
             fault = self._wheels.update(count, yaw_rate_radps, speed_mps, duties)
-        if fault is None or self.rests(now_s):
+        if self.rests(now_s):
+            self._jumps.forget()  # the gyro is learnt anew meanwhile
+            return None
+        if fault is None:
             return None
         self._wheels.forget()
         self._jumps.forget()

@@ -9,7 +9,7 @@ import pytest
 from robot_app.drivers.base import DriveSetting, EncoderCount, ImuSample
 from robot_app.safety.bands import SafetyConfig
 from robot_app.safety.gyro_jump import GyroJumpConfig, GyroJumpWatch
-from robot_app.safety.motion import MotionWatch
+from robot_app.safety.motion import Alarm, MotionWatch
 from shared.geometry.ackermann import CarGeometry
 from shared.messages import StopReason
 
@@ -61,17 +61,27 @@ def test_samples_that_come_late_leave_the_car_longer_to_turn() -> None:
     assert not any(watch.update(i * 0.03, rate_radps, 0.32) for i, rate_radps in enumerate(rates_radps))
 
 
-def test_the_car_stands_for_it_and_learns_the_gyro_anew() -> None:
-    watch = MotionWatch(SafetyConfig(), CAR, 0.00314)
-    alarm = None
-    for i in range(110):
-        rate_radps = STEP_RADPS if i >= 100 else 0.0
-        imu = ImuSample(i / 100, (0.0, 0.0, rate_radps), (0.0, 0.0, 9.81))
+def alarms(rate_radps: Callable[[float], float], seconds: float) -> list[tuple[float, Alarm]]:
+    """What a car at 0.3 m/s is stopped for, and when; the odometry has taken the gyro's zero out."""
+    watch, found = MotionWatch(SafetyConfig(), CAR, 0.00314), []
+    for i in range(round(100 * seconds)):
+        now_s = i / 100
+        imu = ImuSample(now_s, (0.0, 0.0, rate_radps(now_s)), (0.0, 0.0, 9.81))
         ticks = int(0.003 * i / 0.00314)
-        count = EncoderCount(i / 100, ticks, ticks)
-        alarm = alarm or watch.update(i / 100, count, imu, (0.3, rate_radps), DriveSetting(0.5, 0.0))
-    assert alarm is not None
+        count = EncoderCount(now_s, ticks, ticks)
+        alarm = watch.update(now_s, count, imu, (0.3, 0.0), DriveSetting(0.5, 0.0))
+        found += [(now_s, alarm)] if alarm is not None else []
+    return found
+
+
+def test_the_car_stands_for_it_and_learns_the_gyro_anew() -> None:
+    ((at_s, alarm),) = alarms(lambda t: STEP_RADPS * (t > 0.995), 4.0)
+    assert at_s <= 1.08
     assert (alarm.reason, alarm.ends_mission) == (StopReason.SENSORS_DISAGREE, False)
+
+
+def test_a_zero_that_jumps_back_while_the_car_stands_for_it_is_learnt_with_it() -> None:
+    assert len(alarms(lambda t: STEP_RADPS * (0.995 < t < 2.0), 4.0)) == 1
 
 
 def test_settings_that_would_never_or_always_alarm_are_refused() -> None:
