@@ -66,16 +66,7 @@ class MotionWatch:
         """`motion`: how fast it rolls and turns, by the odometry; `applied` by the drive, None while it is cut."""
         if imu is not None and self._tilt.update(imu):
             return Alarm(StopReason.TILTED, "the robot is tilted")
-        speed_mps, yaw_rate_radps = motion
-        fault = None
-        if isinstance(self._wheels, WheelWatch) and isinstance(count, EncoderCount):
-            setting = applied if isinstance(applied, DriveSetting) else None
-            fault = self._wheels.update(count, yaw_rate_radps, speed_mps, setting)
-            if imu is not None and self._jumps.update(imu.stamp_s, imu.gyro_radps[2], speed_mps):
-                fault = fault or WheelFault.JUMPED
-        elif isinstance(self._wheels, OmniWheelWatch) and isinstance(count, OmniCount):
-            duties = applied if isinstance(applied, OmniSetting) else None
-            fault = self._wheels.update(count, yaw_rate_radps, speed_mps, duties)
+        fault = self._fault(count, imu, motion, applied)
         if self.rests(now_s):
             self._jumps.forget()  # the gyro is learnt anew meanwhile
             return None
@@ -84,6 +75,20 @@ class MotionWatch:
         self._wheels.forget()
         self._jumps.forget()
         return self._wheel_alarm(fault, now_s, self._wheels.speed_before_mps)
+
+    def _fault(
+        self, count: Count | None, imu: ImuSample | None, motion: tuple[float, float], applied: Setting | None
+    ) -> WheelFault | None:
+        speed_mps, yaw_rate_radps = motion
+        if isinstance(self._wheels, WheelWatch) and isinstance(count, EncoderCount):
+            setting = applied if isinstance(applied, DriveSetting) else None
+            fault = self._wheels.update(count, yaw_rate_radps, speed_mps, setting)
+            jumped = imu is not None and self._jumps.update(imu.stamp_s, imu.gyro_radps[2], speed_mps)
+            return fault or (WheelFault.JUMPED if jumped else None)
+        if isinstance(self._wheels, OmniWheelWatch) and isinstance(count, OmniCount):
+            duties = applied if isinstance(applied, OmniSetting) else None
+            return self._wheels.update(count, yaw_rate_radps, speed_mps, duties)
+        return None
 
     def _wheel_alarm(self, fault: WheelFault, now_s: float, speed_before_mps: float) -> Alarm:
         if fault is WheelFault.SILENT:
