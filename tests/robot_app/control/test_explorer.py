@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from robot_app.control.explorer import Explorer, ExplorerConfig, LegEnd, Task
+from robot_app.control.ground._kernels import unseen_in_sight
 from robot_app.control.ground.floor_map import FloorMap, FloorMapConfig
 from robot_app.control.trail import Trail, TrailConfig
 from robot_app.control.ways.ways import Ways, WaysBuffers, WaysConfig, path_room_m
@@ -84,6 +85,22 @@ def test_behind_a_screen_there_is_floor_to_be_seen_from_its_end() -> None:
     beyond = view_m2(floor, Pose2(1.2, 0.6, -math.pi / 2))
     assert beyond > 0.5
     assert beyond > 4 * here
+
+
+@pytest.mark.parametrize(("gap_m", "shows"), [(0.075, False), (0.275, True)])
+def test_floor_behind_a_gap_is_expected_where_two_beams_pass_it_side_by_side(gap_m: float, shows: bool) -> None:
+    cells, cell_m, wall = 160, 0.025, 100
+    evidence = np.zeros((cells, cells), np.int8)
+    evidence[:, :wall], evidence[:, wall] = -8, 12
+    half = round(gap_m / cell_m) // 2
+    evidence[cells // 2 - half : cells // 2 + half + 1, wall : wall + 2] = -8
+    scanner = np.array([-1.9, 0.5 * cell_m, 0.0])  # 2.4 m from the wall, its beams 8 cm apart there
+    tries, marks = np.zeros((cells, cells), np.uint8), np.zeros((cells, cells), np.uint16)
+    step_rad, beams = math.radians(2.0), 61
+    found = unseen_in_sight(
+        evidence, tries, 6, marks, 1, -2.0, cell_m, scanner, -step_rad * (beams // 2), step_rad, beams, 3.8
+    )
+    assert (found > 0) == shows
 
 
 def test_what_should_be_seen_and_never_is_does_not_call_for_ever() -> None:
