@@ -41,7 +41,7 @@ def segments_of(objects: ObjectMap, kind: ObjectKind) -> NDArray[np.float32]:
     """
     segments = np.asarray(objects.segments_m, np.float64).reshape(-1, 2, 3)
     kinds = np.asarray(objects.kind).reshape(-1)
-    finite = np.isfinite(segments).all(axis=(1, 2))[: len(kinds)]
+    finite = np.isfinite(segments[: len(kinds)]).all(axis=(1, 2))
     segments, chosen = segments[: len(kinds)][finite], kinds[: len(segments)][finite] == int(kind)
     is_open = open_tops(segments)
     shown = np.concatenate((segments[chosen & ~is_open], _dashed(segments[chosen & is_open])))
