@@ -286,8 +286,8 @@ class GraphSlam:
         if not self._new_ground.may_be(match.share, self._surprise, len(lines.points_m)):
             return match.share
         node, poses = self._graph.poses[self._node], self._graph.poses
-        asked = [self._keyframes.all[k] for k in self._new_ground.picked(len(self._keyframes))]
-        views = [View(compose(between(node, poses[keyframe.node]), keyframe.in_node), keyframe) for keyframe in asked]
+        asked = self._new_ground.picked(self._keyframes.all)
+        views = [View(compose(between(node, poses[h.keyframe.node]), h.keyframe.in_node), h) for h in asked]
         here = view_of(lines, scan.origin_m, between(self._local_from_node, match.pose))
         return self._new_ground.fair_share(match.share, here, views)
 

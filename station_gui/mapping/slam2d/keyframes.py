@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from station_gui.mapping.slam2d.graph._kernels import place_all
 from station_gui.mapping.slam2d.matching.scan_matcher import LineScan
-from station_gui.mapping.slam2d.se2_arrays import compose_all
 
 _FIRST_ROOM = 1024
 
@@ -60,4 +60,6 @@ class Placed:
 
     def poses(self, nodes: NDArray[np.float64]) -> NDArray[np.float64]:
         """(len(self), 3), map frame; `nodes`: (K, 3), the nodes' poses."""
-        return compose_all(nodes[self._node[: self._count]], self._in_node[: self._count])
+        poses = np.empty((self._count, 3))
+        place_all(nodes, self._node[: self._count], self._in_node[: self._count], poses)
+        return poses

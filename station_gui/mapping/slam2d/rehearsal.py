@@ -10,10 +10,11 @@ import numpy as np
 from station_gui.mapping.slam2d.config import GraphSlamConfig, LocalMapConfig
 from station_gui.mapping.slam2d.graph.loop_closure import LoopCloser
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
-from station_gui.mapping.slam2d.graph.sight.sight import View, seen_through_share
+from station_gui.mapping.slam2d.graph.sight.sight import Horizon, View, seen_through_share
 from station_gui.mapping.slam2d.keyframes import Keyframe
 from station_gui.mapping.slam2d.matching.local_map import LocalMap
 from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, ScanMatcher, to_lines
+from station_gui.mapping.slam2d.search.branch_and_bound import build_pyramid, search
 from station_gui.mapping.slam2d.share import at_once
 
 _NODES = 20
@@ -37,7 +38,9 @@ def rehearse() -> None:
     closer.share.begin(1 << 60)
     for _ in closer.look(graph, by_node, _NODES - 1):
         break
-    view = View(np.zeros(3), by_node[0][0])
+    pyramid = build_pyramid(*matcher.likelihood(local_map, config.loops.cell_m), config.loops.levels)
+    search(room.points_m, pyramid, np.zeros(3), 0.5, 0.1, config.loops.min_score, config.loops.max_branches)
+    view = View(np.zeros(3), Horizon(by_node[0][0]))
     at_once(lambda share: seen_through_share(room.points_m, np.zeros(3), [view], 0.1, 0.0, share))
     graph.add_edge(0, _NODES - 1, np.zeros(3), np.eye(3), _STEP_M, robust=True)
     graph.last_chi2(1)

@@ -50,6 +50,20 @@ def all_chi2(
 
 
 @njit(nogil=True, cache=True)
+def place_all(nodes: FloatArray, node: IndexArray, in_node: FloatArray, poses: FloatArray) -> None:
+    """`poses` (K, 3) become those of `in_node` (K, 3) in the frames of their `node` (K,) among `nodes` (N, 3)."""
+    last, c, s = -1, 1.0, 0.0
+    for k in range(node.shape[0]):
+        n = node[k]
+        if n != last:  # they come node after node
+            last, c, s = n, math.cos(nodes[n, 2]), math.sin(nodes[n, 2])
+        poses[k, 0] = nodes[n, 0] + c * in_node[k, 0] - s * in_node[k, 1]
+        poses[k, 1] = nodes[n, 1] + s * in_node[k, 0] + c * in_node[k, 1]
+        turn = nodes[n, 2] + in_node[k, 2]
+        poses[k, 2] = turn - 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
+
+
+@njit(nogil=True, cache=True)
 def copy_poses(poses: FloatArray, trial: FloatArray, nodes: int, state: State, budget: int) -> int:
     last = min(nodes, state[0] + 8 * budget)
     done = last - state[0]

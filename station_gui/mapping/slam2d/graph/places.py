@@ -10,7 +10,7 @@ import numpy as np
 
 from station_gui.mapping.slam2d.config import LocalMapConfig, LoopConfig
 from station_gui.mapping.slam2d.graph.pose_graph import PoseGraph
-from station_gui.mapping.slam2d.graph.sight.sight import View
+from station_gui.mapping.slam2d.graph.sight.sight import Horizon, View
 from station_gui.mapping.slam2d.keyframes import Keyframe
 from station_gui.mapping.slam2d.matching.local_map import LocalMap
 from station_gui.mapping.slam2d.matching.scan_matcher import ScanMatcher
@@ -71,7 +71,7 @@ class Places:
                     yield
                 pose = compose(node_from_k, keyframe.in_node)
                 if index % self._config.view_every == 0:
-                    place.views.append(View(pose, keyframe))
+                    place.views.append(View(pose, Horizon(keyframe)))
                 self._share.take(place.local_map.insert(keyframe.points_m, keyframe.normals, pose))
         return place
 

@@ -12,6 +12,27 @@ FloatArray = NDArray[np.float64]
 
 
 @njit(nogil=True, cache=True)
+def widen_box(
+    points: NDArray[np.float32], scanner: FloatArray, pose: FloatArray, low: FloatArray, high: FloatArray
+) -> None:
+    """The corners `low` and `high`, (2,), move so that the scanner and all hits of a scan at `pose` lie between them.
+
+    `points`: (N, 2) and `scanner`: (2,), robot frame.
+    """
+    c = math.cos(pose[2])
+    s = math.sin(pose[2])
+    for i in range(-1, points.shape[0]):
+        px = scanner[0] if i < 0 else float(points[i, 0])
+        py = scanner[1] if i < 0 else float(points[i, 1])
+        x = pose[0] + c * px - s * py
+        y = pose[1] + s * px + c * py
+        low[0] = min(low[0], x)
+        low[1] = min(low[1], y)
+        high[0] = max(high[0], x)
+        high[1] = max(high[1], y)
+
+
+@njit(nogil=True, cache=True)
 def trace_scan(
     points: NDArray[np.float32],
     scanner: FloatArray,

@@ -21,7 +21,8 @@ class ReferenceConfig:
     max_cells: int = 9_000_000
     grid_cell_m: float = 0.05  # of the free space, doubled until that has no more than
     max_grid_cells: int = 4_000_000
-    search_cells: int = 100_000  # the same for the likelihood that is searched
+    search_cells: int = 100_000  # the same for the likelihood that is searched,
+    search_reach_m: float = 8.0  # with points no farther from the robot: others would only ask for finer turns
     reach_m: float = 0.4  # a scan may be this far off and still find its surfel
     max_surfels: int = 2_000_000
     margin_m: float = 1.0  # round the map
@@ -41,7 +42,6 @@ class SearchConfig:
     min_score: float = 0.45  # mean likelihood
     behind_best: float = 0.25  # what is farther below the best place is none
     keep_level: int = 3  # one place per square of 2**3 cells and turn
-    reach_m: float = 8.0  # farther points would only ask for finer turns
     max_found: int = 4096
     apart_m: float = 0.25  # places nearer to a better one, and turned less, are the same
     apart_rad: float = math.radians(10.0)
@@ -96,7 +96,8 @@ class DoubtConfig:
     turn_m: float = 0.6  # with so much for each radian
     standing_m: float = 0.02  # a robot that has gone no farther stands
     patience_scans: int = 8  # in doubt: a robot that stands on after these,
-    units_per_step: int = 30_000  # or has jumped while it stood, gets as many units as one that is lost
+    units_per_step: int = 30_000
+    hasty_units_per_step: int = 60_000  # or has jumped while it stood, gets so many
 
 
 def small_slam() -> GraphSlamConfig:

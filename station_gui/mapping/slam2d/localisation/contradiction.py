@@ -7,7 +7,7 @@ from collections.abc import Generator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from station_gui.mapping.slam2d.graph.sight.sight import View, seen_through_share
+from station_gui.mapping.slam2d.graph.sight.sight import Horizon, View, seen_through_share
 from station_gui.mapping.slam2d.keyframes import Keyframe
 from station_gui.mapping.slam2d.localisation.config import DoubtConfig
 from station_gui.mapping.slam2d.share import Share, result_at_once
@@ -60,8 +60,8 @@ class Contradiction:
         """(2,): the share of the scan's points that the map has looked through, and of the map's that the scan has."""
         near = self._near(pose, before)
         near = near[:: max(1, -(-len(near) // self._config.views))]
-        views = [View(self._poses[k], self._keyframes[k]) for k in near.tolist()]
-        here = View(pose, scan)
+        views = [View(self._poses[k], Horizon(self._keyframes[k])) for k in near.tolist()]
+        here = View(pose, Horizon(scan))
         of_scan = yield from self._looked_through(here, views, share)
         of_map = []
         for view in views:

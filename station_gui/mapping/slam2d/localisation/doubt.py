@@ -7,9 +7,11 @@ usual there, and there is another place that explains them far better.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import Enum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shared.geometry.se2 import Pose2
 from station_gui.mapping.scan import PointScan
@@ -22,6 +24,8 @@ from station_gui.mapping.slam2d.localisation.reference import Reference
 from station_gui.mapping.slam2d.localisation.relocaliser import Relocaliser
 from station_gui.mapping.slam2d.matching.scan_matcher import to_lines
 from station_gui.mapping.slam2d.share import Share, Task
+
+_POSES_PER_UNIT = 2  # of the map, looked through for those near by
 
 
 class Wariness:
@@ -135,7 +139,7 @@ class Check:
         self._scans += 1
         doubt = self._config.doubt
         in_haste = standing and (jumped or self._scans > doubt.patience_scans)
-        units = self._config.units_per_step if in_haste else doubt.units_per_step
+        units = doubt.hasty_units_per_step if in_haste else doubt.units_per_step
         if self._relocaliser is not None:
             return self._look_for_rival(self._relocaliser, scan, map_from_robot, units)
         if self._reference is not None:
@@ -153,19 +157,23 @@ class Check:
         lines = to_lines(scan.points_m, scan.origin_m, self._config.trail.normals)
         points_m, normals = lines.points_m.astype(np.float32), lines.normals.astype(np.float32)
         seen = Keyframe(scan.stamp_s, 0, np.zeros(3), points_m, normals, scan.origin_m)
-        contradiction = Contradiction(self._config.doubt, self._keyframes, self._poses)
+        near = self._near(robot)
+        known, poses = [self._keyframes[k] for k in near.tolist()], self._poses[near]
+        self._share.take(len(self._poses) // _POSES_PER_UNIT + len(near))
+        contradiction = Contradiction(self._config.doubt, known, poses)
         contradicted = not self._jumped and (yield from contradiction.look(seen, robot.as_array(), self._share))
         if contradicted or self._jumped:
-            self._reference = self._of_places_round(robot)
+            stride = max(1, -(-len(near) // self._config.doubt.max_keyframes))
+            self._everywhere = len(near) == len(self._poses)
+            self._reference = self._of_places(known[::stride], poses[::stride])
 
-    def _of_places_round(self, robot: Pose2) -> Reference:
-        config, poses = self._config, self._poses
-        away_m = np.hypot(poses[:, 0] - robot.x_m, poses[:, 1] - robot.y_m)
-        near = np.flatnonzero(away_m <= max(config.doubt.reach_m, float(away_m.min())))
-        self._everywhere = len(near) == len(poses)
-        near = near[:: max(1, -(-len(near) // config.doubt.max_keyframes))]
-        known = [self._keyframes[k] for k in near.tolist()]
-        return Reference(config.reference, config.trail.match, self._grid, known, poses[near])
+    def _near(self, robot: Pose2) -> NDArray[np.int64]:
+        """The keyframes that it may have been carried from, or the nearest one."""
+        away_m2 = (self._poses[:, 0] - robot.x_m) ** 2 + (self._poses[:, 1] - robot.y_m) ** 2
+        return np.flatnonzero(away_m2 <= max(self._config.doubt.reach_m**2, float(away_m2.min())))
+
+    def _of_places(self, known: Sequence[Keyframe], poses: NDArray[np.float64]) -> Reference:
+        return Reference(self._config.reference, self._config.trail.match, self._grid, known, poses)
 
     def _look_for_rival(self, relocaliser: Relocaliser, scan: PointScan, robot: Pose2, units: int) -> Verdict:
         relocaliser.add(scan, units)

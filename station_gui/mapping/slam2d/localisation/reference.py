@@ -7,16 +7,15 @@ from collections.abc import Generator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
-from shared.geometry.se2 import Pose2
 from station_gui.mapping.slam2d.config import GridConfig, MatchConfig
+from station_gui.mapping.slam2d.grid import _kernels as grid_kernels
 from station_gui.mapping.slam2d.keyframes import Keyframe
 from station_gui.mapping.slam2d.localisation.config import ReferenceConfig
 from station_gui.mapping.slam2d.localisation.free_space import FreeSpace
 from station_gui.mapping.slam2d.matching.local_map import LocalMap
 from station_gui.mapping.slam2d.matching.scan_matcher import ScanMatcher
-from station_gui.mapping.slam2d.search.branch_and_bound import Pyramid, build_pyramid, fill_pyramid
+from station_gui.mapping.slam2d.search.branch_and_bound import Pyramid, fill_pyramid
 from station_gui.mapping.slam2d.share import Share, Task
 from station_gui.mapping.snapshot import GridMap
 
@@ -24,8 +23,12 @@ FloatArray = NDArray[np.float64]
 
 _NO_FADING = math.inf
 _ROWS_AT_ONCE = 32
-_UNITS_PER_SCAN = 1500
+_UNITS_PER_SCAN = 150  # of calling the kernel that goes through its hits
+_HITS_PER_UNIT = 3
 _CELLS_PER_UNIT = 6  # of the free space
+_BYTES_PER_UNIT = 60  # that are copied
+_ZEROS_PER_BYTE = 10  # that the system hands out meanwhile
+_ROUNDING_CELLS = 4
 _LARGEST_REACH_CELLS = 15  # squared distances are kept in eight bits
 
 
@@ -79,8 +82,10 @@ class Reference:
         self._local_map, self._matcher = local_map, matcher
         yield from drawn.fill(share)
         self._grid = drawn.grid()
-        self._pyramid = yield from self._likelihoods(local_map, matcher)
-        self._free = yield from self._free_places(self._pyramid, self._grid)
+        cell_m, likelihood = yield from self._likelihoods(local_map, matcher)
+        corner_m = local_map.origin_x_m, local_map.origin_y_m
+        self._pyramid = yield from self._with_rim(likelihood, corner_m, cell_m)
+        self._free = yield from self._free_places(likelihood.shape, corner_m, cell_m, self._grid)
 
     def _extent(self) -> Generator[None, None, tuple[FloatArray, FloatArray]]:
         """The lowest and the highest x and y, (2,) each, of robots and hits that are not too far from all of them."""
@@ -88,10 +93,8 @@ class Reference:
         for keyframe, pose in self._scans:
             if self._share.left <= 0:
                 yield
-            place = Pose2.from_array(pose)
-            hits = np.vstack((place.apply(keyframe.scanner_m[None]), place.apply(keyframe.points_m)))
-            low, high = np.minimum(low, hits.min(axis=0)), np.maximum(high, hits.max(axis=0))
-            self._share.take(_UNITS_PER_SCAN + len(hits))
+            grid_kernels.widen_box(keyframe.points_m, keyframe.scanner_m, pose, low, high)
+            self._share.take(_UNITS_PER_SCAN + len(keyframe.points_m) // _HITS_PER_UNIT)
         scanners, away_m = np.array([pose[:2] for _, pose in self._scans]), self._config.far_m
         return np.maximum(low, scanners.min(axis=0) - away_m), np.minimum(high, scanners.max(axis=0) + away_m)
 
@@ -134,23 +137,44 @@ class Reference:
         assert self._free is not None, "the reference is not ready"
         return self._free
 
-    def _likelihoods(self, local_map: LocalMap, matcher: ScanMatcher) -> Generator[None, None, Pyramid]:
-        config = self._config
+    @property
+    def search_reach_m(self) -> float:
+        """How far from a place that is free the points of a search may be."""
+        return self._config.search_reach_m
+
+    def _likelihoods(
+        self, local_map: LocalMap, matcher: ScanMatcher
+    ) -> Generator[None, None, tuple[float, NDArray[np.uint8]]]:
+        """Of cells of so many metres, (H, W)."""
         cell_m = local_map.cell_m
-        while (local_map.size_m / cell_m) ** 2 > config.search_cells:
+        while (local_map.size_m / cell_m) ** 2 > self._config.search_cells:
             cell_m *= 2
         factor = round(cell_m / local_map.cell_m)
         side = len(local_map.distance2) // factor
-        levels = np.zeros((config.depth + 1, side, side), np.uint8)
-        yield from matcher.fill_likelihood(local_map, levels[0], self._share)
-        pyramid = Pyramid(levels, (local_map.origin_x_m, local_map.origin_y_m), factor * local_map.cell_m)
-        yield from fill_pyramid(pyramid, self._share)
-        return pyramid
+        likelihood = np.zeros((side, side), np.uint8)
+        yield from matcher.fill_likelihood(local_map, likelihood, self._share)
+        return factor * local_map.cell_m, likelihood
 
-    def _free_places(self, pyramid: Pyramid, grid: GridMap) -> Generator[None, None, NDArray[np.uint8]]:
-        """Cells near to one that was seen to be free."""
-        cell_m = pyramid.cell_m
-        free = np.zeros_like(pyramid.levels[0])
+    def _with_rim(
+        self, inner: NDArray[np.uint8], corner_m: tuple[float, float], cell_m: float
+    ) -> Generator[None, None, Pyramid]:
+        """The pyramid of `inner` (H, W) amid zeros, among which those points lie that may be outside it."""
+        config, coarsest = self._config, 1 << self._config.depth
+        reach_m = config.search_reach_m + config.stand_off_m
+        rim = coarsest * math.ceil((reach_m / cell_m + coarsest + _ROUNDING_CELLS) / coarsest)
+        core = np.zeros((config.depth + 1, *(side + coarsest for side in inner.shape)), np.uint8)
+        core[0, coarsest:, coarsest:] = inner
+        yield from fill_pyramid(Pyramid(core, corner_m, cell_m), self._share)
+        levels = np.zeros((config.depth + 1, *(side + 2 * rim for side in inner.shape)), np.uint8)
+        levels[:, rim - coarsest : -rim, rim - coarsest : -rim] = core
+        self._share.take((core.size + levels.size // _ZEROS_PER_BYTE) // _BYTES_PER_UNIT)
+        return Pyramid(levels, (corner_m[0] - rim * cell_m, corner_m[1] - rim * cell_m), cell_m)
+
+    def _free_places(
+        self, shape: tuple[int, int], corner_m: tuple[float, float], cell_m: float, grid: GridMap
+    ) -> Generator[None, None, NDArray[np.uint8]]:
+        """Cells near to one that was seen to be free, `shape` of them; as of `_with_rim`."""
+        known, free = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
         for first in range(0, len(grid.probability), _ROWS_AT_ONCE):
             if self._share.left <= 0:
                 yield
@@ -158,16 +182,24 @@ class Reference:
             rows, columns = np.nonzero(band < self._config.free_below)
             x = grid.origin_m[0] + (columns + 0.5) * grid.cell_m
             y = grid.origin_m[1] + (rows + first + 0.5) * grid.cell_m
-            column = np.floor((x - pyramid.origin_m[0]) / cell_m).astype(np.int64)
-            row = np.floor((y - pyramid.origin_m[1]) / cell_m).astype(np.int64)
-            inside = (column >= 0) & (row >= 0) & (column < free.shape[1]) & (row < free.shape[0])
-            free[row[inside], column[inside]] = 1
+            column = np.floor((x - corner_m[0]) / cell_m).astype(np.int64)
+            row = np.floor((y - corner_m[1]) / cell_m).astype(np.int64)
+            inside = (column >= 0) & (row >= 0) & (column < shape[1]) & (row < shape[0])
+            known[row[inside], column[inside]] = 1
             self._share.take(band.size // _CELLS_PER_UNIT)
-        yield
-        away = ndimage.distance_transform_edt(free == 0) * cell_m
-        yield
-        near = (away <= self._config.stand_off_m).astype(np.uint8)
-        return build_pyramid(near, pyramid.origin_m, cell_m, self._config.depth).levels
+        _widen(known, self._config.stand_off_m / cell_m, free)
+        return (yield from self._with_rim(free, corner_m, cell_m)).levels
+
+
+def _widen(marked: NDArray[np.uint8], by_cells: float, widened: NDArray[np.uint8]) -> None:
+    """Cells of `widened` (H, W) no farther from one that is `marked` become 1."""
+    reach = math.floor(by_cells)
+    height, width = marked.shape
+    framed = np.pad(marked, reach)
+    for down in range(2 * reach + 1):
+        for right in range(2 * reach + 1):
+            if math.hypot(down - reach, right - reach) <= by_cells:
+                np.maximum(widened, framed[down : down + height, right : right + width], out=widened)
 
 
 def newest_of_each_place(poses: FloatArray, spacing_m: float, spacing_rad: float) -> NDArray[np.int64]:

@@ -27,7 +27,8 @@ from station_gui.mapping.slam2d.share import Share
 
 FloatArray = NDArray[np.float64]
 
-_UNITS_PER_BEAM = 40  # of a place that is refined and judged
+_PLACES_UNITS = 20_000  # sorting what a search has found
+_UNITS_PER_BEAM = 70  # of a place that is refined and judged
 
 
 class Relocaliser:
@@ -49,6 +50,7 @@ class Relocaliser:
         self._judged: list[Hypothesis] = []
         self.hypotheses: list[Hypothesis] = []  # the best first
         self._searches = 0
+        self._looked = False  # at all that the first search has found
         self._agreed = 0
         self._scans = 0  # since the trail began
         self.trail_from_robot = Pose2()  # at the newest scan
@@ -61,12 +63,12 @@ class Relocaliser:
     @property
     def undecided(self) -> bool:
         """Some places may be it, or the first look at the map has not ended."""
-        return bool(self.hypotheses) or self._searches == 0 or bool(self._waiting)
+        return bool(self.hypotheses) or not self._looked
 
     @property
     def strange(self) -> bool:
         """What was seen until now is well known, and no place of the map fits it."""
-        return self._searches > 0 and not self.hypotheses and not self._waiting and self._trail.fit > 0.0
+        return not self.undecided and self._trail.fit > 0.0
 
     @property
     def settled(self) -> bool:
@@ -122,6 +124,7 @@ class Relocaliser:
             self._scans >= self._config.look_again_scans
             and len(self._trail.keyframes) == 1
             and self._search is None
+            and not self._waiting
             and not self._is_sure()
         )
 
@@ -148,14 +151,18 @@ class Relocaliser:
             self._agreed = 0
 
     def _go_on_searching(self, search: PlaceSearch) -> None:
+        had_ended = search.ended
         while not search.ended:
             if self._share.left <= 0:
                 return
             search.step(self._share)
+        if not had_ended and self._share.left < _PLACES_UNITS:
+            return
         self._search = None
         self._searches += 1
         known = [hypothesis.map_from_trail for hypothesis in self.hypotheses]
         self._waiting.extend([*known, *search.places()])
+        self._looked = self._looked or not self._waiting
 
     def _judge(self) -> None:
         config, query = self._config.verify, self._query
@@ -167,6 +174,7 @@ class Relocaliser:
         if not self._waiting:
             self._keep_possible()
             self._judged = []
+        self._looked = self._looked or (self._searches > 0 and not self._waiting)
 
     def _keep_possible(self) -> None:
         config = self._config.verify

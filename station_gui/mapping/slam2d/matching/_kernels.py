@@ -305,7 +305,7 @@ def linearise(
         dy = y - surfels[index, 2] / count
         nx = surfels[index, 3]
         ny = surfels[index, 4]
-        length = math.hypot(nx, ny)
+        length = math.sqrt(nx * nx + ny * ny)
         if length > 0.5 * count:
             nx /= length
             ny /= length

@@ -42,7 +42,7 @@ class LocalMap:
         self.used = 0
         tiles = -(-side // _kernels.TILE)
         self._dirty = np.ones((tiles, tiles), np.bool_)
-        self._reach_cells = reach_cells
+        self.reach_cells = reach_cells
         self._max_count = max_count
         if cleared:
             self.clear(0.0, 0.0)
@@ -55,9 +55,7 @@ class LocalMap:
         dirty, used = self._dirty, self.used
         origin_m = self.origin_x_m, self.origin_y_m
         yield from share.spread(
-            lambda s, b: _kernels.mark_tiles(
-                self.surfels, used, *origin_m, self.cell_m, self._reach_cells, dirty, s, b
-            ),
+            lambda s, b: _kernels.mark_tiles(self.surfels, used, *origin_m, self.cell_m, self.reach_cells, dirty, s, b),
             np.zeros(1, np.int64),
             used,
         )
@@ -88,7 +86,7 @@ class LocalMap:
             self.origin_x_m,
             self.origin_y_m,
             self.cell_m,
-            self._reach_cells,
+            self.reach_cells,
             self._max_count,
             self.nearest,
             self.distance2,

@@ -13,6 +13,7 @@ from station_gui.mapping.slam2d.belief import needed_share
 from station_gui.mapping.slam2d.config import MatchConfig, NormalConfig
 from station_gui.mapping.slam2d.matching import _kernels
 from station_gui.mapping.slam2d.matching.local_map import LocalMap
+from station_gui.mapping.slam2d.se2_arrays import between
 from station_gui.mapping.slam2d.search._kernels import correlate, fill_likelihood
 from station_gui.mapping.slam2d.share import Share, Task, at_once
 
@@ -94,11 +95,19 @@ class ScanMatcher:
     ) -> Match:
         """`prior_weight`: (3,) inverse variances of the prediction."""
         found = self.refine(scan, local_map, predicted, predicted, prior_weight)
-        if found.share >= self._config.doubtful_share or len(scan.points_m) < self._config.min_points:
+        if len(scan.points_m) < self._config.min_points or not self._is_doubtful(found, predicted, prior_weight):
             return found
         start = self.search(scan, local_map, predicted)
         other = self.refine(scan, local_map, start, predicted, prior_weight)
         return other if other.share > found.share + self._config.better_share else found
+
+    def _is_doubtful(self, match: Match, predicted: NDArray[np.float64], prior_weight: NDArray[np.float64]) -> bool:
+        """Few points fit, or too few for how far it is from the prediction."""
+        config = self._config
+        if not config.doubtful_share <= match.share < config.far_share:
+            return match.share < config.doubtful_share
+        away = between(predicted, match.pose) * np.sqrt(prior_weight)
+        return not self.believes(match.share, float(np.abs(away).max()), 0)
 
     def believes(self, share: float, surprise: float, lost_scans: int) -> bool:
         """Whether a match that is so far from the prediction, in standard deviations, deserves it."""

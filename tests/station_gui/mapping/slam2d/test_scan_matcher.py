@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -63,6 +64,27 @@ def test_a_prediction_far_off_is_rescued_by_the_search(
     match = matcher.match(scan, lab_map, truth + np.array([0.35, -0.3, 0.3]), np.zeros(3))
 
     assert math.hypot(*(match.pose - truth)[:2]) < 0.01
+
+
+def test_a_match_too_far_from_the_prediction_for_how_it_fits_is_doubted(
+    lab: FloatArray, scan_from: ScanMaker, lab_map: LocalMap, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = MatchConfig(doubtful_share=0.0)  # so that only the distance is reason to search
+    matcher, truth = ScanMatcher(config, _CONFIG.reach_cells, _CONFIG.cell_m), np.array([1.2, 1.3, 0.7])
+    scan = _lines(scan_from(lab, Pose2.from_array(truth), np.random.default_rng(3)))
+    hidden = LineScan(
+        np.vstack((scan.points_m, 0.3 * scan.points_m[::5])), np.vstack((scan.normals, scan.normals[::5]))
+    )
+    searched, search = [], ScanMatcher.search
+
+    def counting_search(*args: Any) -> FloatArray:
+        searched.append(args)
+        return search(*args)
+
+    monkeypatch.setattr(ScanMatcher, "search", counting_search)
+    for sigma in (1.0, 0.005):
+        matcher.match(hidden, lab_map, truth + np.array([0.05, 0.0, 0.0]), np.full(3, sigma**-2))
+    assert len(searched) == 1
 
 
 def test_the_information_says_what_a_repetition_of_the_match_shows(

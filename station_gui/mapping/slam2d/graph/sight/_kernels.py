@@ -18,7 +18,6 @@ _WIDEST_BEAM = math.sin(math.radians(5.0))
 def mark_seen_through(
     points: FloatArray,
     place_from_query: FloatArray,
-    view_points: NDArray[np.float32],
     place_from_view: FloatArray,
     scanner: FloatArray,
     nearest_m: FloatArray,
@@ -26,13 +25,12 @@ def mark_seen_through(
     margin_ratio: float,
     through: NDArray[np.bool_],
 ) -> None:
-    """Mark the `points` (N, 2) that a view, a scan of `view_points` (M, 2) from `scanner` (2,), has looked through.
+    """Mark the `points` (N, 2) that a view, a scan from `scanner` (2,), has looked through.
 
-    `nearest_m` (B,) is room for the view's nearest point in each of B sectors. A point is marked where the view's
-    nearest points in its sector and in both next to it all lie behind it by more than the margin.
+    `nearest_m` (B,): as of `fill_sectors`. A point is marked where the view's nearest points in its sector and in both
+    next to it all lie behind it by more than the margin.
     """
     sectors = nearest_m.shape[0]
-    _fill_sectors(view_points, scanner, nearest_m)
     cq = math.cos(place_from_query[2])
     sq = math.sin(place_from_query[2])
     cv = math.cos(place_from_view[2])
@@ -46,15 +44,16 @@ def mark_seen_through(
         before = nearest_m[k - 1 if k > 0 else sectors - 1]
         after = nearest_m[k + 1 if k + 1 < sectors else 0]
         behind_m = min(nearest_m[k], before, after)  # 0 where nothing was seen
-        if math.hypot(dx, dy) * (1.0 + margin_ratio) + margin_m < behind_m:
+        if math.sqrt(dx * dx + dy * dy) * (1.0 + margin_ratio) + margin_m < behind_m:
             through[i] = True
 
 
 @njit(nogil=True, cache=True)
-def _fill_sectors(view_points: NDArray[np.float32], scanner: FloatArray, nearest_m: FloatArray) -> None:
-    """The view's nearest point in each sector, 0 where it saw nothing.
+def fill_sectors(view_points: NDArray[np.float32], scanner: FloatArray, nearest_m: FloatArray) -> None:
+    """A view's nearest point in each of B sectors round its scanner, (B,), 0 where it saw nothing.
 
-    Between two beams next to each other nothing is missing, be they ever so far apart, up to `_WIDEST_BEAM`.
+    `view_points`: (M, 2) and `scanner`: (2,), robot frame. Between two beams next to each other nothing is missing, be
+    they ever so far apart, up to `_WIDEST_BEAM`.
     """
     sectors = nearest_m.shape[0]
     nearest_m[:] = 0.0
@@ -64,7 +63,7 @@ def _fill_sectors(view_points: NDArray[np.float32], scanner: FloatArray, nearest
         x = view_points[i, 0] - scanner[0]
         y = view_points[i, 1] - scanner[1]
         k = _sector(x, y, sectors)
-        range_m = math.hypot(x, y)
+        range_m = math.sqrt(x * x + y * y)
         _lower(nearest_m, k, range_m)
         if _sine(last_x, last_y, last_m, x, y, range_m) <= widest:
             between_m = min(range_m, last_m)
@@ -89,7 +88,7 @@ def _spacing(view_points: NDArray[np.float32], scanner: FloatArray) -> float:
     for i in range(view_points.shape[0]):
         x = view_points[i, 0] - scanner[0]
         y = view_points[i, 1] - scanner[1]
-        range_m = math.hypot(x, y)
+        range_m = math.sqrt(x * x + y * y)
         smallest = min(smallest, _sine(last_x, last_y, last_m, x, y, range_m))
         last_x, last_y, last_m = x, y, range_m
     return smallest

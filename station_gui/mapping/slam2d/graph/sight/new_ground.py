@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station_gui.mapping.slam2d.config import NewGroundConfig
-from station_gui.mapping.slam2d.graph.sight.sight import View, seen_through_share
+from station_gui.mapping.slam2d.graph.sight.sight import Horizon, View, seen_through_share
 from station_gui.mapping.slam2d.keyframes import Keyframe
 from station_gui.mapping.slam2d.matching.scan_matcher import LineScan
 from station_gui.mapping.slam2d.share import result_at_once
@@ -25,11 +25,20 @@ class NewGround:
 
     def __init__(self, config: NewGroundConfig) -> None:
         self._config = config
+        self._horizons: dict[int, Horizon] = {}  # of the newest keyframes, by their number
 
-    def picked(self, count: int) -> list[int]:
-        """Which of so many keyframes to ask, the newest first."""
-        every = self._config.every
-        return list(range(count - 1, max(-1, count - 1 - every * self._config.views), -every))
+    def picked(self, keyframes: Sequence[Keyframe]) -> list[Horizon]:
+        """Those to ask of a map's keyframes, the newest first; always of the same map."""
+        every, count = self._config.every, len(keyframes)
+        first = max(-1, count - 1 - every * self._config.views)
+        for number in [number for number in self._horizons if number <= first]:
+            del self._horizons[number]
+        return [self._horizon(number, keyframes) for number in range(count - 1, first, -every)]
+
+    def _horizon(self, number: int, keyframes: Sequence[Keyframe]) -> Horizon:
+        if number not in self._horizons:
+            self._horizons[number] = Horizon(keyframes[number])
+        return self._horizons[number]
 
     def may_be(self, share: float, surprise: float, points: int) -> bool:
         """Whether there is something to ask; `share` of the `points` fitted, `surprise`: as of `StoredSlam`."""
@@ -69,4 +78,4 @@ class NewGround:
 def view_of(scan: LineScan, scanner_m: FloatArray, pose: FloatArray) -> View:
     """A scan that is no keyframe yet; `pose`: (3,)."""
     points_m, normals = scan.points_m.astype(np.float32), scan.normals.astype(np.float32)
-    return View(pose, Keyframe(0.0, 0, np.zeros(3), points_m, normals, scanner_m))
+    return View(pose, Horizon(Keyframe(0.0, 0, np.zeros(3), points_m, normals, scanner_m)))

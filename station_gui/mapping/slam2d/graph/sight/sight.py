@@ -7,7 +7,7 @@ map, which says nothing against the place. What stands in space that the map has
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,23 @@ from station_gui.mapping.slam2d.share import Share
 FloatArray = NDArray[np.float64]
 
 _SECTORS = 360
-_UNITS_PER_POINT = 3  # an arc tangent and a root
+_UNITS_PER_POINT = 4  # an arc tangent and a root
+
+
+@dataclass(slots=True, eq=False)
+class Horizon:
+    """How far a scan saw in each direction; made when it is first asked for, which takes as long as the rest."""
+
+    keyframe: Keyframe
+    _nearest_m: FloatArray | None = field(default=None, init=False)
+
+    def nearest_m(self, share: Share) -> FloatArray:
+        """(360,): from the scanner to the nearest point in each sector of the robot frame, 0 where there is none."""
+        if self._nearest_m is None:
+            self._nearest_m = np.zeros(_SECTORS)
+            _kernels.fill_sectors(self.keyframe.points_m, self.keyframe.scanner_m, self._nearest_m)
+            share.take(_SECTORS // 10 + _UNITS_PER_POINT * len(self.keyframe.points_m))
+        return self._nearest_m
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +43,11 @@ class View:
     """A scan of a place. `in_place`: (3,), the robot's pose."""
 
     in_place: FloatArray
-    keyframe: Keyframe
+    horizon: Horizon
+
+    @property
+    def keyframe(self) -> Keyframe:
+        return self.horizon.keyframe
 
 
 def seen_through_share(
@@ -43,14 +63,12 @@ def seen_through_share(
     A point counts when the view saw farther than it by `margin_m` and `margin_ratio` of its range.
     """
     through = np.zeros(len(points_m), np.bool_)
-    nearest_m = np.zeros(_SECTORS)
     for view in views:
         if share.left <= 0:
             yield
-        keyframe = view.keyframe
         _kernels.mark_seen_through(
-            points_m, place_from_query, keyframe.points_m, view.in_place, keyframe.scanner_m, nearest_m, margin_m,
+            points_m, place_from_query, view.in_place, view.keyframe.scanner_m, view.horizon.nearest_m(share), margin_m,
             margin_ratio, through,
         )  # fmt: skip
-        share.take(_SECTORS // 10 + _UNITS_PER_POINT * (len(points_m) + len(keyframe.points_m)))
+        share.take(_UNITS_PER_POINT * len(points_m))
     return float(through.mean()) if len(through) else 0.0

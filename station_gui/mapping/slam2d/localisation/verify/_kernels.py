@@ -8,8 +8,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from station_gui.mapping.slam2d.matching._kernels import NONE_NEAR
+
 FloatArray = NDArray[np.float64]
 FITS, UNKNOWN, IN_FREE_SPACE, THROUGH_WALL = 0, 1, 2, 3
+_DIAGONAL = 1.4143  # of a cell, in cells, and no less
 
 
 @njit(nogil=True, cache=True)
@@ -27,6 +30,7 @@ def judge(
     cell_m: float,
     nearest: NDArray[np.int32],
     distance2: NDArray[np.uint8],
+    reach_cells: int,
     surfels: FloatArray,
     probability: NDArray[np.float32],
     grid_x: float,
@@ -47,8 +51,8 @@ def judge(
         from_x = pose[0] + c * scanners[i, 0] - s * scanners[i, 1]
         from_y = pose[1] + s * scanners[i, 0] + c * scanners[i, 1]
         if _crosses(
-            from_x, from_y, x, y, margin_m, min_cosine, origin_x, origin_y, cell_m, nearest, distance2, surfels,
-            probability, grid_x, grid_y, grid_cell_m,
+            from_x, from_y, x, y, margin_m, min_cosine, origin_x, origin_y, cell_m, nearest, distance2,
+            reach_cells, surfels, probability, grid_x, grid_y, grid_cell_m,
         ):  # fmt: skip
             verdicts[i] = THROUGH_WALL
             continue
@@ -122,6 +126,7 @@ def _crosses(
     cell_m: float,
     nearest: NDArray[np.int32],
     distance2: NDArray[np.uint8],
+    reach_cells: int,
     surfels: FloatArray,
     probability: NDArray[np.float32],
     grid_x: float,
@@ -134,13 +139,20 @@ def _crosses(
     ux = (x - from_x) / length
     uy = (y - from_y) / length
     steps = math.floor((length - margin_m) / (0.5 * cell_m))
-    for k in range(steps):
+    far_steps = max(0, math.floor(2.0 * (reach_cells - _DIAGONAL)) - 1)
+    k = -1
+    skipped = 0
+    while k + 1 + skipped < steps:
+        k += 1 + skipped
+        skipped = 0
         along = 0.5 * cell_m * (k + 0.5)
         column = math.floor((from_x + along * ux - origin_x) / cell_m)
         row = math.floor((from_y + along * uy - origin_y) / cell_m)
         if column < 0 or row < 0 or column >= nearest.shape[1] or row >= nearest.shape[0]:
             continue
         if distance2[row, column] != 0:
+            if distance2[row, column] == NONE_NEAR:  # nor is there a surfel in any of the next half cells
+                skipped = far_steps
             continue
         index = nearest[row, column]
         count = surfels[index, 0]
@@ -148,10 +160,10 @@ def _crosses(
         mean_y = surfels[index, 2] / count
         aside = abs((mean_x - from_x) * uy - (mean_y - from_y) * ux)
         before = (mean_x - from_x) * ux + (mean_y - from_y) * uy
-        facing = math.hypot(surfels[index, 3], surfels[index, 4])
-        if facing <= 0.5 * count or aside > 0.5 * cell_m or before > length - margin_m:
+        if aside > 0.5 * cell_m or before > length - margin_m:
             continue
-        if abs(surfels[index, 3] * ux + surfels[index, 4] * uy) < min_cosine * facing:
+        facing = math.sqrt(surfels[index, 3] * surfels[index, 3] + surfels[index, 4] * surfels[index, 4])
+        if facing <= 0.5 * count or abs(surfels[index, 3] * ux + surfels[index, 4] * uy) < min_cosine * facing:
             continue
         if _probability(mean_x, mean_y, probability, grid_x, grid_y, grid_cell_m) > 0.75:
             return True

@@ -54,6 +54,7 @@ def judge(config: VerifyConfig, reference: Reference, query: Query, pose: FloatA
     _kernels.judge(
         query.points_m, query.normals, query.scanners_m, pose, config.inlier_m, config.margin_m, config.min_cosine,
         config.free_below, local_map.origin_x_m, local_map.origin_y_m, local_map.cell_m, local_map.nearest,
-        local_map.distance2, local_map.surfels, grid.probability, *grid.origin_m, grid.cell_m, verdicts,
+        local_map.distance2, local_map.reach_cells, local_map.surfels, grid.probability, *grid.origin_m, grid.cell_m,
+        verdicts,
     )  # fmt: skip
     return verdicts

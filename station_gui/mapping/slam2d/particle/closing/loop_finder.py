@@ -13,7 +13,7 @@ from station_gui.mapping.slam2d.closures.closure import Candidate, Closure, choo
 from station_gui.mapping.slam2d.closures.verifier import Verifier
 from station_gui.mapping.slam2d.config import LocalMapConfig, LoopConfig
 from station_gui.mapping.slam2d.graph.loop_closure import without_weak_direction
-from station_gui.mapping.slam2d.graph.sight.sight import View
+from station_gui.mapping.slam2d.graph.sight.sight import Horizon, View
 from station_gui.mapping.slam2d.keyframes import Keyframe
 from station_gui.mapping.slam2d.matching.local_map import LocalMap
 from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, ScanMatcher
@@ -112,5 +112,5 @@ class LoopFinder:
         for index, (keyframe, pose) in enumerate(way.scans_round(node, self._config.neighbours)):
             self._place.insert(keyframe.points_m, keyframe.normals, pose)
             if index % self._config.view_every == 0:
-                views.append(View(pose, keyframe))
+                views.append(View(pose, Horizon(keyframe)))
         return views

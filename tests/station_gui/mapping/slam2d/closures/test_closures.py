@@ -10,7 +10,7 @@ from station_gui.mapping.slam2d.closures.closure import Candidate, Closure, choo
 from station_gui.mapping.slam2d.closures.jury import Jury
 from station_gui.mapping.slam2d.closures.verifier import Verifier
 from station_gui.mapping.slam2d.config import LoopConfig, MatchConfig
-from station_gui.mapping.slam2d.graph.sight.sight import View
+from station_gui.mapping.slam2d.graph.sight.sight import Horizon, View
 from station_gui.mapping.slam2d.keyframes import Keyframe
 from station_gui.mapping.slam2d.matching.local_map import LocalMap
 from station_gui.mapping.slam2d.matching.scan_matcher import LineScan, ScanMatcher
@@ -54,7 +54,7 @@ def _verified(
     local_map = LocalMap(12.0, _CELL_M, _REACH_CELLS, 5000, 100.0)
     local_map.insert(place.points_m, place.normals, np.zeros(3))
     verifier = Verifier(config or LoopConfig(), matcher)
-    views = [View(np.zeros(3), _keyframe(place))]
+    views = [View(np.zeros(3), Horizon(_keyframe(place)))]
     guess = np.array([0.05, -0.03, math.radians(0.5)])
     estimate = guess + np.array([ahead_m, 0.0, 0.0])
     return result_at_once(lambda share: verifier.verified(pair, query, estimate, guess, local_map, views, share))

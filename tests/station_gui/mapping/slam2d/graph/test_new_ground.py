@@ -43,7 +43,7 @@ def test_a_scan_that_looks_through_the_map_leaves_the_share_as_it_is() -> None:
 
 
 def test_without_a_scan_of_the_map_near_by_nothing_is_excused() -> None:
-    far = View(np.array([20.0, 0.0, 0.0]), _view(_KNOWN).keyframe)
+    far = View(np.array([20.0, 0.0, 0.0]), _view(_KNOWN).horizon)
     assert NewGround(NewGroundConfig()).fair_share(0.5, _view(_KNOWN), [far]) == 0.5
 
 
@@ -58,6 +58,15 @@ def test_only_a_match_near_the_prediction_that_many_points_hold_is_asked_about(
 
 def test_the_newest_scans_are_asked_and_no_more_than_there_are() -> None:
     ground = NewGround(NewGroundConfig(views=3, every=2))
-    assert ground.picked(10) == [9, 7, 5]
-    assert ground.picked(2) == [1]
-    assert ground.picked(0) == []
+    keyframes = [_view(_KNOWN).keyframe for _ in range(10)]
+    for count, asked in ((2, [1]), (9, [8, 6, 4]), (10, [9, 7, 5])):
+        assert [h.keyframe for h in ground.picked(keyframes[:count])] == [keyframes[k] for k in asked]
+    assert ground.picked([]) == []
+
+
+def test_a_scan_that_is_asked_again_is_gone_through_once() -> None:
+    ground = NewGround(NewGroundConfig(views=3, every=2))
+    keyframes = [_view(_KNOWN).keyframe for _ in range(10)]
+    first = ground.picked(keyframes[:8])
+    ground.picked(keyframes[:9])
+    assert ground.picked(keyframes)[1:] == first[:2]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from station_gui.mapping.slam2d.graph.sight.sight import View, seen_through_share
+from station_gui.mapping.slam2d.graph.sight.sight import Horizon, View, seen_through_share
 from station_gui.mapping.slam2d.keyframes import Keyframe
 from station_gui.mapping.slam2d.se2_arrays import compose
 from station_gui.mapping.slam2d.share import Share
@@ -17,7 +17,7 @@ def _view(bearings_deg: FloatArray, range_m: float, in_place: FloatArray) -> Vie
     bearings = np.radians(bearings_deg)
     points = _SCANNER_M + range_m * np.column_stack((np.cos(bearings), np.sin(bearings)))
     keyframe = Keyframe(0.0, 0, np.zeros(3), points.astype(np.float32), np.zeros_like(points, np.float32), _SCANNER_M)
-    return View(in_place, keyframe)
+    return View(in_place, Horizon(keyframe))
 
 
 def _share(points: FloatArray, pose: FloatArray, views: list[View], units: int = 1 << 60) -> tuple[float, int]:
@@ -67,7 +67,7 @@ def test_where_beams_hit_nothing_is_not_known_however_wide_they_are(spacing_deg:
 def test_a_near_point_of_the_view_hides_what_is_behind_it() -> None:
     post, wall = _view(np.array([0.2]), 1.0, np.zeros(3)).keyframe, _view(np.arange(-9.0, 9.0, 0.5), 3.0, np.zeros(3))
     both = np.concatenate((wall.keyframe.points_m, post.points_m))
-    view = View(np.zeros(3), Keyframe(0.0, 0, np.zeros(3), both, np.zeros_like(both), _SCANNER_M))
+    view = View(np.zeros(3), Horizon(Keyframe(0.0, 0, np.zeros(3), both, np.zeros_like(both), _SCANNER_M)))
     assert _share(np.array([[2.1, 0.0], [2.1, 0.2]]), np.zeros(3), [view])[0] == pytest.approx(1 / 2)
 
 

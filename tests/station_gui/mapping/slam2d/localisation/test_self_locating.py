@@ -293,7 +293,7 @@ def _outside(lab: FloatArray, other_room: FloatArray) -> tuple[FloatArray, list[
     solid = [wall for wall in np.vstack((lab, room)).tolist() if not (wall[0] == wall[2] and wall[0] in (3.95, 4.1))]
     door = [(x, a, x, b) for x in (3.95, 4.1) for a, b in ((0.0, 1.2), (2.2, 3.3))] + [(3.95, 3.3, 3.95, 4.2)]
     jambs = [(3.95, y, 4.1, y) for y in (1.2, 2.2)]
-    way = [Pose2(8.4 - 0.06 * k, 1.5, math.pi) for k in range(125)]
+    way = [Pose2(8.4 - 0.06 * k, 1.5, math.pi) for k in range(130)]
     return np.array(solid + door + jambs), way
 
 
