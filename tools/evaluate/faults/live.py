@@ -117,7 +117,7 @@ def _try(name: str, case: _LiveCase, station: Station, robot: int, folder: Path)
     view, now = station.view(), wires.read()
     driven = ride(readings, began_s) if case.stops else Ride(math.nan, math.nan, math.nan)
     failure = ""
-    if case.stops and not (driven.moved_s <= LIMIT_S and now.duty == 0):
+    if case.stops and not (0 < driven.moved_s <= LIMIT_S and now.duty == 0):
         failure = f"it did not stand within {LIMIT_S} s"
     elif not case.stops and (view.telemetry is None or view.telemetry.state is MissionState.HALTED):
         failure = "the mission ended"
@@ -155,7 +155,8 @@ def _at_speed(wires: Wires, station: Station) -> list[Reading]:
     while time.monotonic() < until_s:
         now_s = time.monotonic() + _BEFORE_S
         readings = watch(wires, now_s, time.monotonic, _rest(station))
-        if all(r.setting.duty > _FAST_DUTY for r in readings if r.time_s > now_s - _FAST_FOR_S):
+        before = [r for r in readings if r.time_s <= now_s - _FAST_FOR_S]
+        if all(r.setting.duty > _FAST_DUTY for r in (*before[-1:], *readings[len(before) :])):
             return readings
     raise Refused("the mission does not get fast")
 
