@@ -158,16 +158,22 @@ class RobotApp:
     # --- tasks ---
 
     def _read_motion(self) -> None:
-        self._has_lost_wheels = True
-        count = self._hardware.encoders.read(0.0)
-        self._has_lost_wheels = False
+        """What is left where one of them is lost is read all the same: who brakes for that needs it."""
+        lost: DeviceError | None = None
+        count = imu = None
+        try:
+            count = self._hardware.encoders.read(0.0)
+        except DeviceError as error:
+            lost = error
+        self._has_lost_wheels = lost is not None
         try:
             imu = self._hardware.imu.read(0.0)
-        except DeviceError:
-            self._odometry.update(count, None)  # who brakes for it knows how fast the wheels are
-            raise
+        except DeviceError as error:
+            lost = lost or error
         imu = imu if imu is not None and self._imu_watch.is_alive(imu) else None
         self._odometry.update(count, imu)
+        if lost is not None:
+            raise lost
         if self._mission.state in RUNNING:
             self._watch_motion(count, imu)
         else:

@@ -22,13 +22,14 @@ from robot_app.control.wall_follower import WallState
 from robot_app.drivers.base import ImuSample, OmniCount, OmniSetting, RawScan
 from robot_app.mission import Behaviour, Mission, MissionConfig, PathOrder
 from robot_app.pilot import PilotState
-from robot_app.sensing.odometry import Odometry, OdometryConfig, OdometryState
+from robot_app.sensing.odometry import Felt, Odometry, OdometryConfig, OdometryState
 from shared.geometry.omni3 import STAND_STILL, OmniGeometry, Twist, Wheels
 from shared.geometry.se2 import Pose2
 from shared.messages import ScanGeometry, Start
 
 _WARM_UP_BEAMS, _WARM_UP_STEPS = 227, 60
 _NO_WHEELS: Wheels = (0.0, 0.0, 0.0)
+_FELT_MAX_AGE_S = 0.03
 _TOLD_BEFORE_S = 0.15  # half of the window of the wheels' speeds, and the time until they count as too old
 
 
@@ -46,11 +47,14 @@ class OmniBrake:
         self._began_s, self._from_mps = -math.inf, 0.0
         self._is_blind = False
         self._begins = False
+        self._moves = STAND_STILL  # by what is felt, where the encoders do not tell it
+        self._felt: Felt | None = None
 
     def begin(self, now_s: float, speed_mps: float, is_blind: bool = False) -> None:
         """`speed_mps` of the fastest wheel."""
         self._began_s, self._from_mps, self._is_blind = now_s, speed_mps, is_blind
         self._begins = True
+        self._felt = None
 
     def push(self, now_s: float, speed_mps: float | None) -> OmniSetting | None:
         quick_mps = self._odometry.state.quick_mps
@@ -59,13 +63,29 @@ class OmniBrake:
             known = (quick_mps[0], quick_mps[1], quick_mps[2])
         if self._begins:
             self._begins = False
-            self._stop.begin(self._began_s, (known or self._asked_mps()) if self._from_mps else _NO_WHEELS)
-        told_mps = self._stop.step(now_s, known)
+            wheels_mps = (known or self._asked_mps()) if self._from_mps else _NO_WHEELS
+            self._moves = self._omni.twist(wheels_mps)
+            self._stop.begin(self._began_s, wheels_mps)
+        felt = self._felt_mps(now_s) if known is None else None
+        told_mps = self._stop.step(now_s, known or felt, are_felt=felt is not None)
         if told_mps is None:
             return None
         full_mps = self._config.wheel.full_duty_mps
         right, left, back = (max(-1.0, min(1.0, told / full_mps)) for told in told_mps)
         return OmniSetting((right, left, back))
+
+    def _felt_mps(self, now_s: float) -> Wheels | None:
+        """What the IMU makes of the motion that it had; None where it is silent too."""
+        state, before = self._odometry.state, self._felt
+        felt = self._felt = state.felt
+        if felt is None or now_s - felt.stamp_s > _FELT_MAX_AGE_S:
+            return None
+        x, y, turn = self._moves.x_mps, self._moves.y_mps, state.yaw_rate_radps
+        if before is not None:
+            swept_rad = turn * (felt.stamp_s - before.stamp_s)  # the robot's axes turn under its way
+            x, y = x + felt.x_mps - before.x_mps + swept_rad * y, y + felt.y_mps - before.y_mps - swept_rad * x
+        self._moves = Twist(x, y, turn)
+        return self._omni.wheels_mps(self._moves)
 
     def standing(self) -> OmniSetting:
         return OmniSetting(_NO_WHEELS)
@@ -136,9 +156,9 @@ class OmniPilot:
             self._begin(behaviour)
         wanted = STAND_STILL if behaviour is Behaviour.STAND else self._drive(now_s, behaviour, state)
         right, left, back = state.wheels_mps or _NO_WHEELS
-        duties = self._speed.step(now_s, wanted, (right, left, back))
-        if self._speed.reference != STAND_STILL:  # a hard brake pushes against it, when it is over already
+        if self._speed.reference != STAND_STILL:  # what the wheels were told until now: a hard brake begins with that
             self._last_moved = self._speed.reference
+        duties = self._speed.step(now_s, wanted, (right, left, back))
         return OmniSetting(duties)
 
     @property

@@ -42,6 +42,18 @@ class OdometryConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class Felt:
+    """The accelerations summed up, forward and to the left, less what was felt while the robot stood: the difference of
+    two moments tells how its speed has changed, for a moment."""
+
+    stamp_s: float
+    x_mps: float
+    y_mps: float
+    ax_mps2: float  # now
+    ay_mps2: float
+
+
+@dataclass(frozen=True, slots=True)
 class OdometryState:
     """`speed_mps` forward along the heading, `lateral_mps` to its left; `distance_m` counts all directions up.
 
@@ -56,6 +68,7 @@ class OdometryState:
     lateral_mps: float = 0.0
     wheels_mps: tuple[float, ...] = ()
     quick_mps: tuple[float, ...] = ()
+    felt: Felt | None = None  # before it has stood
 
 
 class Odometry:
@@ -73,6 +86,8 @@ class Odometry:
         self._recent: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=64)  # stamp, ways of the wheels so far
         self._ways_m: tuple[float, ...] = ()
         self._bias_radps = 0.0
+        self._resting_mps2: tuple[float, float] | None = None
+        self._felt: Felt | None = None
         self._standing_samples_s = 0.0
         self._turning_s = 0.0  # by the gyro, without a tick
 
@@ -124,7 +139,7 @@ class Odometry:
         )
         speed, lateral = self._wheels.velocity_mps(wheels_mps) if wheels_mps else (0.0, 0.0)
         way_m = last.distance_m + step.way_m
-        state = OdometryState(stamp_s, pose, speed, yaw_rate, way_m, lateral, wheels_mps, quick_mps)
+        state = OdometryState(stamp_s, pose, speed, yaw_rate, way_m, lateral, wheels_mps, quick_mps, self._felt)
         with self._lock:
             self._state = state
             self._history.append(state)
@@ -172,8 +187,9 @@ class Odometry:
         elapsed_s = min(max(imu.stamp_s - last_s, 0.0), 0.1)  # after a gap the old rate says nothing
         raw_radps = imu.gyro_radps[2]
         rate = raw_radps - self._bias_radps
+        self._feel(imu, elapsed_s)
         if self._stands(rate, elapsed_s):
-            self._learn_bias(raw_radps, elapsed_s)
+            self._learn_bias(imu, elapsed_s)
             return 0.0, 0.0
         return rate * elapsed_s, rate
 
@@ -187,12 +203,25 @@ class Odometry:
         self._turning_s = self._turning_s + elapsed_s if turns else 0.0
         return not turns or self._turning_s > config.surely_standing_s
 
-    def _learn_bias(self, raw_radps: float, elapsed_s: float) -> None:
+    def _feel(self, imu: ImuSample, elapsed_s: float) -> None:
+        if self._resting_mps2 is None:
+            return
+        (ax, ay, _), (rest_x, rest_y) = imu.acceleration_mps2, self._resting_mps2
+        ax, ay = ax - rest_x, ay - rest_y
+        last = self._felt or Felt(imu.stamp_s, 0.0, 0.0, ax, ay)
+        x_mps, y_mps = ((last.ax_mps2 + ax) / 2 * elapsed_s, (last.ay_mps2 + ay) / 2 * elapsed_s)
+        self._felt = Felt(imu.stamp_s, last.x_mps + x_mps, last.y_mps + y_mps, ax, ay)
+
+    def _learn_bias(self, imu: ImuSample, elapsed_s: float) -> None:
+        raw_radps = imu.gyro_radps[2]
         if abs(raw_radps - self._bias_radps) > self._config.max_bias_radps:
             return  # somebody is carrying the robot
         self._standing_samples_s += elapsed_s
         window_s = min(self._standing_samples_s, self._config.bias_time_constant_s)
-        self._bias_radps += (raw_radps - self._bias_radps) * min(1.0, elapsed_s / max(window_s, 1e-3))
+        share = min(1.0, elapsed_s / max(window_s, 1e-3))
+        self._bias_radps += (raw_radps - self._bias_radps) * share
+        (ax, ay, _), (rest_x, rest_y) = imu.acceleration_mps2, self._resting_mps2 or imu.acceleration_mps2[:2]
+        self._resting_mps2 = (rest_x + (ax - rest_x) * share, rest_y + (ay - rest_y) * share)
 
     def _wheels_mps(self, window_s: float) -> tuple[float, ...]:
         """Nothing before that time has passed."""

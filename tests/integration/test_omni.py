@@ -19,19 +19,20 @@ from tools.simulator.robots import with_robot
 from tools.simulator.scenario import Item, Room, Start, find_scenario
 
 STANDS_MPS = 0.01
-WITHIN_S = 0.34  # 0.3 s, looked at every 0.02 s
+WITHIN_S = 0.30
+LOOKED_AT_S = 0.01
 
 
 @pytest.fixture
-def make_omni() -> Iterator[Callable[[], Lockstep]]:
+def make_omni() -> Iterator[Callable[..., Lockstep]]:
     """In a short corridor with a thing at its wall; without map and camera."""
     made: list[Lockstep] = []
 
-    def make() -> Lockstep:
+    def make(length_m: float = 3.4) -> Lockstep:
         scenario, config = with_robot(find_scenario("corridor"), "omni", None)
         assert isinstance(config, OmniRobotConfig)
-        thing = Item("carton", (1.6, 0.3), (0.3, 0.3, 0.3))
-        scenario = replace(scenario, start=Start((0.8, 1.0)), room=Room(3.4, 2.0), items=(thing,), goals=())
+        thing = Item("carton", (length_m - 1.8, 0.3), (0.3, 0.3, 0.3))
+        scenario = replace(scenario, start=Start((0.8, 1.0)), room=Room(length_m, 2.0), items=(thing,), goals=())
         wall = replace(config.control.wall, look_round_radps=2.0)
         config = replace(config, control=replace(config.control, wall=wall))
         made.append(Lockstep(scenario, 1, config, load_station(None), without=MAPPING_AND_DEPTH))
@@ -70,7 +71,7 @@ def state(system: Lockstep) -> MissionState:
 def time_to_stand_s(system: Lockstep) -> float:
     began_s = system.clock.now_s()
     while speed_mps(system) > STANDS_MPS or turn_radps(system) > 0.05:
-        system.run(0.02)
+        system.run(LOOKED_AT_S)
         assert system.clock.now_s() - began_s < 3.0, "the robot goes on"
     return system.clock.now_s() - began_s
 
@@ -114,6 +115,29 @@ def test_without_what_it_needs_it_stands_and_goes_on_when_it_is_back(driving: Lo
     assert time_to_stand_s(driving) < 0.6
     assert driving.app._standing_reason is StopReason.COMMAND_SILENCE
     assert driving.world.collisions.count == 0
+
+
+def test_from_its_greatest_speed_it_stands_as_soon(make_omni: Callable[..., Lockstep]) -> None:
+    system = make_omni(12.0)
+    system.station.connect("loopback", 0)
+    system.run(3.0)
+    system.station.start()
+    for device, kind in (
+        ("scanner", FaultKind.SILENT),
+        ("imu", FaultKind.UNPLUGGED),
+        ("encoders", FaultKind.SILENT),
+    ):
+        while speed_mps(system) < 0.40:
+            system.run(0.1)
+            assert system.clock.now_s() < 30.0
+        fault = getattr(system.faults, device)
+        fault.kind = kind
+        system.run(0.02)
+        assert time_to_stand_s(system) + 0.02 <= WITHIN_S, device
+        at = system.world.room_from_robot()
+        system.run(0.3)
+        assert system.world.room_from_robot().distance_m(at) < 0.002
+        fault.kind = FaultKind.NONE
 
 
 def test_without_its_drive_it_rolls_out_and_the_mission_ends(driving: Lockstep) -> None:

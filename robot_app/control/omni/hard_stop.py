@@ -20,10 +20,12 @@ class HardStopConfig:
     inertia_s: float = 0.160  # in which its speed fades by e with the motors shorted: its mass over their damping
     turn_inertia_s: float = 0.115  # the same of its turn
     friction_mps: float = 0.018  # what a motor is told before its wheel begins to turn
-    feedback: float = 1.5  # of what a wheel is too fast, added to what it is told
-    lag_s: float = 0.017  # of what the encoders say: half of their window, and half of a tick
+    feedback: float = 1.5  # of what a wheel is too fast by its encoder, added to what it is told …
+    felt_feedback: float = 0.7  # … and by the IMU, whose sums know it to 0.04 m/s
+    lag_s: float = 0.017  # of what the encoders say: half of their window, and more where the clock is not ours
+    felt_lag_s: float = 0.005  # of what the IMU feels: half of its tick
     tick_s: float = 0.02  # of who brakes: a push lasts as long, and is right for its middle
-    settles_s: float = 0.12  # for so long the encoders correct what is left at the end of the line
+    settles_s: float = 0.12  # for so long they correct what is left at the end of the line
     stands_mps: float = 0.02  # less is no tick within their window
 
     def __post_init__(self) -> None:
@@ -46,18 +48,22 @@ class HardStop:
         self._lasts_s = max(map(abs, wheels_mps)) / self._config.deceleration_mps2
         self._is_over = self._lasts_s == 0.0
 
-    def step(self, now_s: float, wheels_mps: Wheels | None) -> Wheels | None:
-        """`wheels_mps` as they are measured, None where they are not. None once the braking is over."""
+    def step(self, now_s: float, wheels_mps: Wheels | None, are_felt: bool = False) -> Wheels | None:
+        """`wheels_mps` as the encoders or, where `are_felt`, the IMU tell them, None where neither does.
+
+        None once the braking is over.
+        """
         config, elapsed_s = self._config, now_s - self._began_s
-        ends_s = self._lasts_s + (config.settles_s if wheels_mps is not None else 0.0)
+        feedback, lag_s = (config.felt_feedback, config.felt_lag_s) if are_felt else (config.feedback, config.lag_s)
+        ends_s = self._lasts_s + (config.settles_s if wheels_mps is not None and not are_felt else 0.0)
         stands = wheels_mps is not None and max(map(abs, wheels_mps)) < config.stands_mps
         self._is_over |= not 0 <= elapsed_s < ends_s or (stands and elapsed_s >= self._lasts_s)
         if self._is_over:
             return None
         line, push = self._line(elapsed_s + config.tick_s / 2), self._push(elapsed_s)
-        then = self._line(elapsed_s - config.lag_s)
+        then = self._line(elapsed_s - lag_s)
         right, left, back = (
-            a + b + (config.feedback * (c - now) if wheels_mps is not None else 0.0)
+            a + b + (feedback * (c - now) if wheels_mps is not None else 0.0)
             for a, b, c, now in zip(line, push, then, wheels_mps or then, strict=True)
         )
         return right, left, back

@@ -78,3 +78,21 @@ def test_between_two_states_it_is_between_them(driven: Driven) -> None:
     assert between is not None
     assert between.odom_from_robot.y_m == pytest.approx(0.0945, abs=0.003)
     assert between.lateral_mps == pytest.approx(0.1, abs=0.02)
+
+
+def test_the_accelerations_that_are_felt_tell_the_speed_when_the_encoders_are_silent(driven: Driven) -> None:
+    """The accelerometer has an offset, which is learnt while the robot stands."""
+    rest = (0.6, -0.3, 9.81)
+    for k in range(200):
+        driven.now_s += 0.01
+        is_silent = k >= 180
+        imu = ImuSample(driven.now_s, (0.0, 0.0, 0.0), (rest[0] - 4.0, rest[1] + 1.0, 9.81) if is_silent else rest)
+        ticks = max(0, k - 150)  # it drives then
+        driven.odometry.update(None if is_silent else OmniCount(driven.now_s, (ticks, -ticks, 0)), imu)
+        if k == 180:
+            before = driven.odometry.state.felt
+    felt = driven.odometry.state.felt
+    assert before is not None
+    assert felt is not None
+    assert felt.stamp_s - before.stamp_s == pytest.approx(0.19)
+    assert (felt.x_mps - before.x_mps, felt.y_mps - before.y_mps) == pytest.approx((-0.76, 0.19), abs=0.01)

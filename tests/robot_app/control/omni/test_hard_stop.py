@@ -75,6 +75,23 @@ def test_the_encoders_correct_for_another_mass(fades_s: float) -> None:
     assert stopped(Body(WAYS[0], fades_s), is_known=False)[1] < 0.10
 
 
+def test_what_the_imu_feels_corrects_for_another_mass_too() -> None:
+    def left_mps(witness: bool) -> float:
+        body, stop, told = Body(WAYS[0], fades_s=0.20), HardStop(OMNI, HardStopConfig()), STANDS
+        stop.begin(0.0, body.seen)
+        for i in range(200):
+            if i % TICK == 0:
+                felt = OMNI.wheels_mps(body.twist) if witness else None
+                pushed = stop.step(i * STEP_S, felt, are_felt=witness)
+                if pushed is None:
+                    break
+                told = pushed
+            body.step(told)
+        return body.twist.speed_mps
+
+    assert left_mps(witness=True) < 0.95 * left_mps(witness=False)
+
+
 def test_on_a_slippery_floor_it_stops_as_the_floor_lets_it_and_is_not_sent_back() -> None:
     body = Body(WAYS[0], friction=0.4)
     assert stopped(body, is_known=True)[0] < 0.36  # 0.19 s at the edge of the grip
