@@ -185,11 +185,16 @@ class LockstepRunner:
         self._advance = advance
         self._guarded = [_Guarded(task, clock, on_fault) for task in tasks]
         self._ticks_done = [0] * len(tasks)
+        self._hanging: set[str] = set()
         self._start_s = clock.now_s()
 
     @property
     def health(self) -> tuple[TaskHealth, ...]:
         return tuple(g.health for g in self._guarded)
+
+    def hang(self, name: str, hangs: bool) -> None:
+        """Whether the task stands in the middle of a tick from now on."""
+        (self._hanging.add if hangs else self._hanging.discard)(name)
 
     def replace_step(self, name: str, step: Callable[[], None]) -> Callable[[], None]:
         """Call `step` in the place of what the task has done so far, which is returned."""
@@ -208,7 +213,8 @@ class LockstepRunner:
             for i, guarded in enumerate(self._guarded):
                 if self._due_s(i) <= due_s:
                     self._ticks_done[i] += 1
-                    guarded.tick()
+                    if guarded.task.row.name not in self._hanging:
+                        guarded.tick()
         self._move_to(time_s)
 
     def _due_s(self, index: int) -> float:

@@ -86,8 +86,12 @@ class Lockstep:
         """`step` is called ten times a second, in place of the look at the view that keeps the robot going."""
         self._operator = step
 
+    def hang(self, task: str, hangs: bool) -> None:
+        """Whether the task stands still from now on."""
+        self._runner.hang(task, hangs)
+
     def replace_step(self, task: str, step: Callable[[], None]) -> Callable[[], None]:
-        """Make the task hang, or fail; returns what it did so far."""
+        """Make the task fail; returns what it did so far."""
         return self._runner.replace_step(task, step)
 
     def run(self, seconds: float) -> None:

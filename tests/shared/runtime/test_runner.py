@@ -66,6 +66,18 @@ def test_a_task_that_raises_is_reported_and_called_again() -> None:
     assert runner.health[0].fault is None
 
 
+def test_a_task_of_lockstep_can_be_made_to_hang() -> None:
+    clock, calls = ManualClock(), list[float]()
+    runner = LockstepRunner([Task(row("t", 1.0), lambda: calls.append(clock.now_s()))], clock, lambda _: None, no_fault)
+    runner.run_until(1.0)
+    runner.hang("t", True)
+    runner.run_until(4.0)
+    assert runner.health[0].hangs(clock.now_s())
+    runner.hang("t", False)
+    runner.run_until(5.0)
+    assert calls == [0.0, 1.0, 5.0]
+
+
 def test_a_task_that_hangs_is_told_from_one_that_failed_and_one_that_has_not_begun() -> None:
     health = TaskHealth(row("t", 10.0))
     assert not health.hangs(100.0)

@@ -218,37 +218,35 @@ def _links() -> list[Case]:
 
 
 def _tasks() -> list[Case]:
-    def hang() -> None:
-        pass
+    def case(row: Row, how: str, begin: Callable[[Lockstep], None], end: Callable[[Lockstep], None]) -> Case:
+        within_s = _SILENCE_LIMIT_S if row is schedule.COMMANDS else LIMIT_S
+        lasts_s = max(_A_WHILE_S, row.max_age_s + 1.0)  # until it is told that it hangs
+        name = f"{row.name}-{'hung' if how == 'hangs' else 'fails'}"
+        text = f"task {row.name} {how} for {lasts_s:.0f} s"
+        watched_s = max(_WATCHED_S, 2 * lasts_s)
+        return Case(name, text, begin, end, row in _STOPPING, lasts_s, True, watched_s, within_s)
+
+    def hanging(row: Row) -> Case:
+        return case(row, "hangs", lambda system: system.hang(row.name, True), lambda s: s.hang(row.name, False))
 
     def fail() -> None:
         raise RuntimeError("a bug")
 
-    def case(name: str, text: str, row: Row, step: Callable[[], None]) -> Case:
+    def spoil(_: object) -> None:
+        fail()
+
+    def failing(row: Row) -> Case:
         before: list[Callable[[], None]] = []
 
         def begin(system: Lockstep) -> None:
-            before.append(system.replace_step(row.name, step))
+            before.append(system.replace_step(row.name, fail))
 
         def end(system: Lockstep) -> None:
             system.replace_step(row.name, before.pop())
 
-        stops = row in _STOPPING
-        within_s = _SILENCE_LIMIT_S if row is schedule.COMMANDS else LIMIT_S
-        return Case(name, text, begin, end, stops, _A_WHILE_S, within_s=within_s)
+        device = _READS.get(row)
+        if device is not None:
+            return case(row, "raises", _changed(device, lambda: spoil), _healed(device))
+        return case(row, "raises", begin, end)
 
-    def in_device(row: Row, device: str) -> Case:
-        def falsify(_: object) -> object:
-            raise RuntimeError("a bug")
-
-        begin, name = _changed(device, lambda: falsify), f"{row.name}-fails"
-        return Case(name, f"task {row.name} raises for 3 s", begin, _healed(device), row in _STOPPING, _A_WHILE_S)
-
-    hanging = [case(f"{row.name}-hung", f"task {row.name} hangs for 3 s", row, hang) for row in schedule.TABLE]
-    failing = [
-        in_device(row, _READS[row])
-        if row in _READS
-        else case(f"{row.name}-fails", f"task {row.name} raises for 3 s", row, fail)
-        for row in schedule.TABLE
-    ]
-    return [*hanging, *failing]
+    return [*map(hanging, schedule.TABLE), *map(failing, schedule.TABLE)]
