@@ -19,6 +19,7 @@ from station_gui.mapping.objects.pieces import pieces_of
 from station_gui.mapping.objects.ransac.ransac import LineFitter
 from station_gui.mapping.objects.reference import aligned, first_clusters, joined_owners
 from station_gui.mapping.objects.rehearsal import rehearse
+from station_gui.mapping.objects.repeats import Repeats
 from station_gui.mapping.objects.surfaces import ObjectBuilder
 from station_gui.mapping.slam2d.base import Slam
 from station_gui.mapping.snapshot import NO_OBJECTS, GridMap, ObjectMap
@@ -34,6 +35,7 @@ class ObjectCombiner:
         self._builder = ObjectBuilder(config.surface, config.reference, self._fitter)
         self._edges = FusedEdges(config.fusion, config.camera)
         self._networks = Networks(config.most_networks, config.surface)
+        self._repeats = Repeats()
         self._map = NO_OBJECTS
         self._before: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         self._last: tuple[Pose2, float] | None = None
@@ -43,15 +45,16 @@ class ObjectCombiner:
         self._edges.place_again(slam.revision, self._config.edges_at_once, slam.pose_of_scan)
         if not observation.has_objects:
             return
+        pieces = pieces_of(observation.objects, self._config.fusion, self._config.camera)
+        measured = self._repeats.is_measurement(pieces.ends_m, observation.odom_from_robot)
         moved, late = self._has_moved(map_from_robot, observation.stamp_s)
-        if not (moved or late):
-            return
-        self._last = (map_from_robot, observation.stamp_s)
-        if 2 in self._config.steps:
-            pieces = pieces_of(observation.objects, self._config.fusion, self._config.camera)
-            self._edges.look(scan, map_from_robot, pieces, observation, keep=moved)
-        elif moved and len(observation.objects.edges):
-            self._networks.add(scan, observation.objects)
+        if moved or late:
+            self._last = (map_from_robot, observation.stamp_s)
+        if 2 not in self._config.steps:
+            if moved and len(observation.objects.edges):
+                self._networks.add(scan, observation.objects)
+        elif measured or moved or late:
+            self._edges.look(scan, map_from_robot, pieces, observation, keep=measured or moved)
 
     def finish(self, slam: Slam) -> None:
         """No more observations come: place all that has moved."""
