@@ -193,8 +193,10 @@ class GraphSlam:
         if self._graph.nodes == 0:
             return
         self._upkeep.look_for_loops(self._node)
+        closures = len(self._upkeep.closed)
         if self._upkeep.finish():
             self._note_revision()
+        self._join_pieces(closures)
         self._grid = FollowingGrid(self._config.grid)
 
     def pose_of_scan(self, index: int) -> Pose2:
@@ -375,13 +377,17 @@ class GraphSlam:
         busy, closures = self._upkeep.busy, len(self._upkeep.closed)
         if self._upkeep.step():
             self._note_revision()
-        for pair in self._upkeep.closed[closures:]:
-            self._pieces.join(*pair)
+        self._join_pieces(closures)
         if not self._local.building and self._since_rebuild_m > self._config.local_map.rebuild_distance_m:
             self._since_rebuild_m = 0.0
             self._local.begin(self._graph, self._keyframes.by_node, self._node, self._map_pose())
         elif self._local.step(spare=busy):
             self._adopt_window()
+
+    def _join_pieces(self, first: int) -> None:
+        """By the closures from this one on."""
+        for pair in self._upkeep.closed[first:]:
+            self._pieces.join(*pair)
 
     def _note_revision(self) -> None:
         """The nodes have moved: the next window shall be drawn as they are now."""

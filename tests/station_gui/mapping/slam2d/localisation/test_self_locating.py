@@ -287,6 +287,22 @@ def test_a_robot_found_in_the_old_map_brings_its_new_piece_along(
     assert slam.pose_of_scan(20).distance_m(way[50]) < 0.05
 
 
+def test_a_piece_whose_loop_closes_at_the_very_end_is_joined_too(
+    lab: FloatArray, lap: LapMaker, scan_from: ScanMaker
+) -> None:
+    slam, rng, way = GraphSlam(GraphSlamConfig()), np.random.default_rng(0), 2 * lap(100)
+    scans = [scan_from(lab, pose, rng, pose, 0.1 * k) for k, pose in enumerate(way)]
+    for scan in scans:
+        slam.add(scan)
+    slam.begin_piece(scans[30], way[30])
+    for scan in scans[31:36]:
+        slam.add(scan)
+    assert slam.apart
+    slam.finish()
+    assert not slam.apart
+    assert not slam.saved().pieces.any()
+
+
 def _outside(lab: FloatArray, other_room: FloatArray) -> tuple[FloatArray, list[Pose2]]:
     """Walls of the lab and of another room that a door joins to it, and the way from there into the lab."""
     room = other_room + np.array([4.1, 0.0, 4.1, 0.0])
