@@ -104,6 +104,8 @@ class LoopCloser:
         believed = self._jury.judge(closure, poses)
         self._urgent = self._urgent or len(believed) > 1
         for one in believed:
+            if one.witness:  # it has confirmed another; a path that is bent to it as well is bent too sharply
+                continue
             agrees = closure_chi2(one, poses) <= self._config.bend.bend_chi2
             (self._course.closures if agrees else self._waiting).append(one)
 

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,11 +11,17 @@ from numpy.typing import NDArray
 from station_gui.mapping.slam2d.closures.closure import Closure
 from station_gui.mapping.slam2d.closures.jury import Jury
 from station_gui.mapping.slam2d.config import LoopConfig
+from station_gui.mapping.slam2d.keyframes import Keyframe
+from station_gui.mapping.slam2d.particle.ancestry import Ancestry
+from station_gui.mapping.slam2d.particle.blocks.block_maps import BlockMapConfig, BlockMaps
 from station_gui.mapping.slam2d.particle.closing.config import BendConfig
 from station_gui.mapping.slam2d.particle.closing.course import Course, closure_chi2, integrated
+from station_gui.mapping.slam2d.particle.closing.loop_closer import ClosingConfig, LoopCloser
+from station_gui.mapping.slam2d.particle.closing.loop_finder import LoopFinder, Way
 from station_gui.mapping.slam2d.se2_arrays import between, compose
 
 FloatArray = NDArray[np.float64]
+_NOTHING = np.zeros((0, 2), np.float32)
 
 
 def _circle(steps: int = 200, radius_m: float = 8.0) -> FloatArray:
@@ -123,3 +130,22 @@ def test_the_chi_square_of_a_closure_is_that_of_the_pose_graph(turn_rad: float) 
     course = _course(poses)
     graph = course.graph(poses, _motions(poses), (closure,))
     assert closure_chi2(closure, poses) == pytest.approx(float(graph.chi2()[-1]), rel=1e-9)
+
+
+def test_what_only_confirms_another_closure_bends_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    maps = BlockMaps(BlockMapConfig(max_places=10, max_blocks=10), 1)
+    closer, path = LoopCloser(ClosingConfig(), maps), _circle()
+    keyframes = [Keyframe(0.0, 0, np.zeros(3), _NOTHING, _NOTHING, np.zeros(2)) for _ in path]
+    way = Way(closer.course, path, keyframes, [False] * len(path))
+    for step, motion in enumerate(_motions(path)):
+        closer.course.add_step(step, motion if step else np.zeros(3), np.eye(3) * 1e6, 0.0)
+    last = closer.course.nodes - 1
+    truth = between(*way.node_poses()[[0, last]])
+    pair = [_closure(0, last, truth), replace(_closure(0, last - 1, truth), witness=True)]
+    monkeypatch.setattr(LoopFinder, "busy", True)
+    monkeypatch.setattr(LoopFinder, "work", lambda self, way: pair[0])
+    monkeypatch.setattr(Jury, "judge", lambda self, closure, poses: pair)
+
+    assert closer.work(way, Ancestry(), 0, False) is None
+
+    assert closer.course.closures == pair[:1]
