@@ -110,11 +110,11 @@ def shipped_slam(method: Method, seed: int) -> SelfLocatingSlam:
 
 
 def play(reader: LogReader, slam: SelfLocatingSlam) -> Run:
-    """The whole log, in the order of the file."""
+    """The whole log, in the order of the file. A step begins with the observation, as it does in the station."""
     scans, ranges, steps, located = [], [], [], []
     for observation in reader:
-        scan = to_points(observation)
         watch = Stopwatch()
+        scan = to_points(observation)
         slam.add(scan)
         steps.append(watch.spent())
         located.append(slam.tracking is Tracking.LOCATED)

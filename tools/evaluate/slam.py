@@ -81,6 +81,8 @@ def run(args: argparse.Namespace) -> int:
     if result.truncated is not None:
         print(result.truncated, file=sys.stderr)
     figures = asdict(summarise(result, relations))
+    if unused := len(relations) - figures["relations"]:
+        print(f"{unused} of {len(relations)} relations are left out: their stamps are not in the log", file=sys.stderr)
     if args.json:
         print(json.dumps(figures), flush=True)
     else:
@@ -174,5 +176,5 @@ def relation_errors(stamps_s: FloatArray, poses: FloatArray, relations: FloatArr
         translation.append(float(np.hypot(error[0], error[1])))
         rotation.append(abs(float(error[2])))
     if not translation:
-        raise LogError("no relation names two stamps of the log")
+        raise LogError("no relation names two stamps of the log: they are those of another one")
     return np.array(translation), np.array(rotation)

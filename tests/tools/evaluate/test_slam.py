@@ -91,6 +91,15 @@ def test_a_cut_log_gives_its_figures_and_exit_code_2(tmp_path: Path, capsys: pyt
     assert f"{log}: line 20 is cut" in captured.err
 
 
+def test_it_is_said_how_many_relations_are_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    relations = tmp_path / "a.relations"
+    relations.write_text("100.0 101.0 0 0 0 0 0 0\n100.0 900.0 0 0 0 0 0 0\n")
+    assert _run(str(_log(tmp_path / "a.clf", 2)), "--relations", str(relations), "--json") == 0
+    captured = capsys.readouterr()
+    assert json.loads(captured.out)["relations"] == 1
+    assert captured.err == "1 of 2 relations are left out: their stamps are not in the log\n"
+
+
 def test_relations_of_another_log_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     relations = tmp_path / "a.relations"
     relations.write_text("1.0 2.0 0 0 0 0 0 0\n")
