@@ -7,14 +7,16 @@ import json
 import math
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from shared.command_line import EXIT_MISUSE, EXIT_OK, Parser, Refused, existing_file, run, set_up_logging
+from shared.geometry.se2 import Pose2
 from shared.messages import Observation
 from shared.protocol import wire
 from shared.protocol.codec import Decoder
@@ -90,6 +92,7 @@ class Played:
     first_s: float = math.nan
     last_s: float = math.nan
     seconds: float = 0.0
+    way: list[tuple[float, Pose2]] = field(default_factory=list)  # stamp and map_from_robot of the located ones
 
 
 def play(source: Source, pipeline: MappingPipeline, name: str) -> Played:
@@ -110,19 +113,27 @@ def play(source: Source, pipeline: MappingPipeline, name: str) -> Played:
             played.first_s = observation.stamp_s
         played.observations += 1
         played.last_s = observation.stamp_s
-        played.located += pipeline.tracking is Tracking.LOCATED
+        if pipeline.tracking is Tracking.LOCATED:
+            played.located += 1
+            played.way.append((observation.stamp_s, pipeline.map_from_robot))
     pipeline.finish()
     played.seconds = stopwatch_s() - began_s
     return played
 
 
-def _write(played: Played, pipeline: MappingPipeline, source: Source, title: str, folder: Path) -> None:
+def _write(
+    played: Played, pipeline: MappingPipeline, source: Source, title: str, folder: Path, *, localised: bool
+) -> None:
+    """`localised`: the map was given and not changed; the way is the robot's through it."""
     snapshot = pipeline.snapshot()
+    way, closures = snapshot.trajectory, snapshot.closures
+    if localised:
+        way, closures = _located(played), np.zeros((0, 2), np.int32)
     folder.mkdir(parents=True, exist_ok=True)
-    draw_map(snapshot.grid, snapshot.trajectory, snapshot.closures, folder / "map2d.png", title=title)
-    write_tum(folder / "trajectory.tum", snapshot.trajectory)
+    draw_map(snapshot.grid, way, closures, folder / "map2d.png", title=title)
+    write_tum(folder / "trajectory.tum", way)
     log_s = played.last_s - played.first_s
-    steps = np.diff(snapshot.trajectory[:, 1:3], axis=0)
+    steps = np.diff(way[:, 1:3], axis=0)
     summary = {
         "source": title,
         "observations": played.observations,
@@ -144,11 +155,17 @@ def _write(played: Played, pipeline: MappingPipeline, source: Source, title: str
     (folder / "summary.json").write_text(json.dumps(summary, indent=1) + "\n", "utf-8")
 
 
+def _located(played: Played) -> NDArray[np.float64]:
+    """(K, 4): stamp_s, x_m, y_m, theta_rad of every scan whose place in the map was known, map frame."""
+    return np.array([(stamp_s, *pose.as_array()) for stamp_s, pose in played.way]).reshape(-1, 4)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = Parser(
         prog="replay",
         description="Plays a recording through the station's own mapping as fast as it goes and writes map2d.png, "
-        "trajectory.tum and summary.json.",
+        "trajectory.tum (of the scans that are in the map; with --localise of every scan that was located) and "
+        "summary.json.",
         epilog="example: replay --mission out/demo/mission.mcap --out out/again",
     )
     source = parser.add_mutually_exclusive_group(required=True)
@@ -194,7 +211,7 @@ def _work(args: argparse.Namespace) -> int:
     if args.export is not None:
         export_map(pipeline.snapshot(), args.export, title)
     try:
-        _write(played, pipeline, source, title, args.out)
+        _write(played, pipeline, source, title, args.out, localised=args.localise)
     except OSError as error:
         raise Refused(f"{error.filename or args.out}: cannot be written: {error.strerror}") from error
     print(f"{played.observations} scans in {played.seconds:.1f} s: results in {args.out}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -77,6 +78,19 @@ def test_a_map_that_was_saved_is_gone_on_with_or_localised_in(run_replay: Replay
     assert localised["keyframes"] == first["keyframes"] < grown["keyframes"]
     assert (tmp_path / "same.labmap").read_bytes() == path.read_bytes()
     assert len((tmp_path / "grown.labmap").read_bytes()) > len(path.read_bytes())
+
+
+def test_the_way_of_a_robot_that_is_localised_is_its_own_and_not_that_of_the_map(
+    run_replay: Replay, tmp_path: Path
+) -> None:
+    path = tmp_path / "room.labmap"
+    run_replay(record(tmp_path / "a.mcap", Pose2(), 0.02), "--save-map", path)
+    summary = run_replay(record(tmp_path / "b.mcap", Pose2(9.0, -4.0, 2.0), 0.05), "--map", path, "--localise")
+    way = np.loadtxt(tmp_path / "out" / "trajectory.tum")
+    assert len(way) == summary["observations_located"]
+    steps = np.rint(10 * way[:, 0])
+    np.testing.assert_allclose(way[:, 1:3], np.column_stack((0.03 * steps, 0.01 * steps)), atol=0.02)
+    assert summary["distance_m"] == pytest.approx(math.hypot(0.03, 0.01) * (len(way) - 1), abs=0.05)
 
 
 @pytest.mark.parametrize("command", ["replay", "station"])
