@@ -96,7 +96,7 @@ def _watch(case: Case, system: Lockstep) -> Outcome:
     began_s, began_m = system.clock.now_s(), system.world.truth.distance_m
     motion.begin()
     case.begin(system)
-    _run_until(system, motion, began_s + min(case.lasts_s, case.watched_s / 2) - 0.1)
+    _run_until(system, motion, began_s + min(case.lasts_s - 0.1, case.watched_s / 2 - 0.1, case.seen_s))
     way_m = system.world.truth.distance_m - began_m
     reason, seen = _reason(system), _seen(system)
     if math.isfinite(case.lasts_s):
