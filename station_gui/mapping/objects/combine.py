@@ -34,6 +34,7 @@ class ObjectCombiner:
         self._fitter = LineFitter(config.reference, np.random.default_rng(config.seed))
         self._builder = ObjectBuilder(config.surface, config.reference, self._fitter)
         self._edges = FusedEdges(config.fusion, config.camera)
+        self._shown = self._edges.shown()
         self._networks = Networks(config.most_networks, config.surface)
         self._repeats = Repeats()
         self._map = NO_OBJECTS
@@ -42,9 +43,16 @@ class ObjectCombiner:
 
     def add(self, scan: int, map_from_robot: Pose2, observation: Observation, slam: Slam) -> None:
         """Step 1: place what was seen with the scan of this index (eqs 34 and 35), and go on placing what moved."""
-        self._edges.place_again(slam.revision, self._config.edges_at_once, slam.pose_of_scan)
-        if not observation.has_objects:
-            return
+        placed = self._edges.place_again(slam.revision, self._config.edges_at_once, slam.pose_of_scan)
+        elsewhere = observation.has_objects and self._look(scan, map_from_robot, observation)
+        if placed or elsewhere:
+            self._shown = self._edges.shown()
+
+    def _look(self, scan: int, map_from_robot: Pose2, observation: Observation) -> bool:
+        """Take what was seen; whether it was seen from another place than the last, or after some time.
+
+        What is measured in between is evidence, and shows when the robot has moved on.
+        """
         pieces = pieces_of(observation.objects, self._config.fusion, self._config.camera)
         measured = self._repeats.is_measurement(pieces.ends_m, observation.odom_from_robot)
         moved, late = self._has_moved(map_from_robot, observation.stamp_s)
@@ -55,16 +63,18 @@ class ObjectCombiner:
                 self._networks.add(scan, observation.objects)
         elif measured or moved or late:
             self._edges.look(scan, map_from_robot, pieces, observation, keep=measured or moved)
+        return moved or late
 
     def finish(self, slam: Slam) -> None:
         """No more observations come: place all that has moved."""
         self._edges.place_again(slam.revision, len(self._edges), slam.pose_of_scan)
+        self._shown = self._edges.shown()
 
     def object_map(self, slam: Slam, grid: GridMap) -> ObjectMap:
         """The map of objects as it is believed now."""
         if 2 not in self._config.steps:
             return self._networks.placed(slam.pose_of_scan)
-        return self._combined(self._edges.shown(), grid)
+        return self._combined(self._shown, grid)
 
     def _combined(self, edges: Edges, grid: GridMap) -> ObjectMap:
         config, steps = self._config.reference, self._config.steps

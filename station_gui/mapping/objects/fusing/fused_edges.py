@@ -105,13 +105,13 @@ class FusedEdges:
             self._join(index)
         self._forget()
 
-    def place_again(self, revision: int, share: int, pose_of_scan: PoseOfScan) -> None:
+    def place_again(self, revision: int, share: int, pose_of_scan: PoseOfScan) -> bool:
         """Place at most `share` of the edges that were placed before this revision of the poses, the longest ago first.
 
-        When all are placed, those that came together become one.
+        When all are placed, those that came together become one. Returns whether there was something to place.
         """
         if revision == self._settled:
-            return
+            return False
         old = np.flatnonzero(self._revision[: self._count] != revision)
         for index in old[np.argsort(self._revision[old], kind="stable")][:share].tolist():
             self._place(index, pose_of_scan)
@@ -121,6 +121,7 @@ class FusedEdges:
             for index in range(self._count - 1, -1, -1):
                 if index < self._count:
                     self._join(index)
+        return True
 
     def _place(self, index: int, pose_of_scan: PoseOfScan) -> None:
         for v in range(int(self._views[index])):
