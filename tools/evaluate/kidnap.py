@@ -214,7 +214,7 @@ def _look_for_it(system: Lockstep, setup: Setup, number: int, *, in_map: bool) -
         system.run(_SLICE_S)
         snapshot = system.station.view().snapshot
         if snapshot is not None and snapshot.tracking is Tracking.LOCATED:
-            return _judged(system.world, setup, number, snapshot, waited_s, in_map=in_map)
+            return _judged(system.world, setup, number, snapshot, waited_s + _SLICE_S, in_map=in_map)
         if waited_s > _STAND_S and not started:
             started = True
             system.station.start()

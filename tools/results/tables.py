@@ -71,7 +71,8 @@ _LAB_WORDS = (
 )
 _KIDNAP_WORDS = (
     "Kidnapped in the lab's saved map (`evaluate kidnap`): found means a claim within 5 cm and 2°; elsewhere is a "
-    "room that is not in the map, where every claim is wrong."
+    "room that is not in the map, where every claim is wrong. Only the first claim counts; of a robot that is carried "
+    "off the one that stands 2 s after, when it has to have been missed."
 )
 _CONTINUED_WORDS = (
     "A log in two sessions: the first half's map is stored, and a station that knows nothing else has to find the "
