@@ -174,7 +174,11 @@ def _parser() -> argparse.ArgumentParser:
         "--carmen", metavar="LOG", type=existing_file, help="a CARMEN log: .clf, .log, also .gz or .bz2"
     )
     source.add_argument(
-        "--urg", metavar="LOG", type=existing_file, help="a URG-04LX log with wheel encoders: .dat, .dat.gz"
+        "--urg",
+        metavar="LOG",
+        type=existing_file,
+        help="a URG-04LX log with wheel encoders: .dat, .dat.gz; "
+        "of the robot and the scanner of the public logs, whose errors are taken out",
     )
     parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="where the results are written")
     parser.add_argument("--station", metavar="FILE", type=Path, help="station.toml instead of the one that comes along")

@@ -4,6 +4,7 @@ Blank-separated fields: 0 time in µs, 2 and 3 encoder ticks of the left and rig
 right to left over 240° (1024 steps a turn). Values under 20 mean that nothing was measured.
 
 The scanner tells a distance by the phase of modulated light, and is wrong by a wave over the distance; see `true_m`.
+That wave, the lag and the wheels are those of the one robot that made the public logs: of another one they are wrong.
 
 The ticks are those of the moment of the stamp; the scan of the same line is older: what the scanner saw the robot do
 agrees best with what the wheels did 0.2 s before the stamp, in all three logs to about 0.01 s. Of that 0.07 s are the

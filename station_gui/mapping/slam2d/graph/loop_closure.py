@@ -123,7 +123,7 @@ def without_weak_direction(information: NDArray[np.float64], weak_share: float) 
 def edge_information(
     match_information: NDArray[np.float64], theta_rad: float, shift_sigma_m: float, turn_sigma_rad: float
 ) -> NDArray[np.float64]:
-    """What a match is worth to the graph: its own covariance, at least a millimetre wide, and the model's floor.
+    """What a match is worth to the graph: its own covariance, no wider than 10 m and 10 rad, and the model's floor.
 
     `match_information`: (3, 3) in a frame in which the edge's first node is turned by `theta_rad`.
     """
