@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -13,9 +14,11 @@ from numpy.typing import NDArray
 from shared.messages import Observation
 from station_gui.build import build_slam
 from station_gui.config import StationConfig, load_config
+from station_gui.mapping.saved_map import SavedMap
 from station_gui.mapping.scan import PointScan, to_points
 from station_gui.mapping.slam2d.localisation.self_locating import SelfLocatingSlam
 from station_gui.mapping.slam2d.particle.particle_slam import ParticleSlam
+from station_gui.mapping.slam2d.se2_arrays import between
 from station_gui.mapping.snapshot import Tracking
 from tools.logs.base import LogReader
 
@@ -52,6 +55,7 @@ class Stopwatch:
 class Run:
     """`stamps_s`: (N,); `poses`: (N, 3), map_from_robot after the last optimisation; `steps`: of each scan.
 
+    `closure_offsets_m`: how far the places that each closure joins are in the end from where it has them.
     `ranges_m`: of each scan, (B,). `located`: (N,), whether the station knew the robot's place when the scan was taken.
     `resamplings` and `effective_share`: of a particle filter only; the latter is the mean effective number of the
     particles as a share of all.
@@ -63,6 +67,7 @@ class Run:
     steps: list[Spent]
     finish: Spent
     loop_closures: int
+    closure_offsets_m: FloatArray
     located: NDArray[np.bool_]
     resamplings: int | None
     effective_share: float | None
@@ -132,8 +137,16 @@ def play(reader: LogReader, slam: SelfLocatingSlam) -> Run:
         steps,
         finish,
         loop_closures=len(slam.closures()),
+        closure_offsets_m=closure_offsets_m(slam.saved()) if len(slam.closures()) else np.zeros(0),
         located=np.array(located, np.bool_),
         resamplings=particles.resamplings if particles is not None else None,
         effective_share=particles.effective_share if particles is not None else None,
         truncated=reader.truncated,
     )
+
+
+def closure_offsets_m(saved: SavedMap) -> FloatArray:
+    """(L,): between where the second node of each closure is and where the closure has it."""
+    pairs = zip(saved.ends[saved.robust].tolist(), saved.measured[saved.robust], strict=True)
+    offsets = [between(measured, between(saved.nodes[i], saved.nodes[j])) for (i, j), measured in pairs]
+    return np.array([math.hypot(x_m, y_m) for x_m, y_m, _ in offsets])

@@ -30,9 +30,10 @@ FloatArray = NDArray[np.float64]
 class SlamFigures:
     """What `evaluate slam` prints. Times are by the clock; those named cpu are what was computed in them.
 
-    `cpu_seconds` is of all threads, `step_cpu_ms` of the mapping thread. `unlocated`: scans that came while the
-    station did not know where the robot is. `resamplings` and `effective_share`, the mean effective number as a share
-    of the particles, are those of the particle filter.
+    `cpu_seconds` is of all threads, `step_cpu_ms` of the mapping thread. `closure_offset_max_m`: as of
+    `Run`, of the worst closure; a false one that was believed shows there, or in the relations. `unlocated`: scans that
+    came while the station did not know where the robot is. `resamplings` and `effective_share`, the mean effective
+    number as a share of the particles, are those of the particle filter.
     """
 
     scans: int
@@ -49,6 +50,7 @@ class SlamFigures:
     step_ms_p99_last_1000: float
     peak_rss_mb: float
     loop_closures: int
+    closure_offset_max_m: float | None
     unlocated: int
     resamplings: int | None
     effective_share: float | None
@@ -127,6 +129,7 @@ def summarise(result: Run, relations: FloatArray) -> SlamFigures:
         step_ms_p99_last_1000=float(np.percentile(wall_ms[-1000:], 99)),
         peak_rss_mb=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
         loop_closures=result.loop_closures,
+        closure_offset_max_m=float(result.closure_offsets_m.max()) if len(result.closure_offsets_m) else None,
         unlocated=result.unlocated,
         resamplings=result.resamplings,
         effective_share=result.effective_share,

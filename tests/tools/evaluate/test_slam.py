@@ -10,8 +10,9 @@ import pytest
 from shared.command_line import Parser, run
 from station_gui.build import build_slam
 from station_gui.config import load_config
+from station_gui.mapping.saved_map import SavedMap
 from tools.evaluate import slam
-from tools.evaluate.playing import Method, shipped, shipped_slam
+from tools.evaluate.playing import Method, closure_offsets_m, shipped, shipped_slam
 from tools.logs.base import LogError
 
 
@@ -40,6 +41,20 @@ def test_errors_are_those_of_the_relative_pose() -> None:
     np.testing.assert_allclose(rotation_rad, [0.0, 0.1], atol=1e-12)
 
 
+def test_a_closure_is_off_by_what_lies_between_it_and_the_map() -> None:
+    saved = SavedMap(
+        nodes=np.array([[0.0, 0.0, 0.0], [1.0, 0.0, np.pi / 2], [1.0, 2.0, 0.0]]),
+        ends=np.array([[0, 1], [1, 2], [0, 2]], np.int32),
+        measured=np.array([[5.0, 5.0, 0.0], [2.3, 0.4, 1.0], [1.0, 2.0, 0.0]]),
+        information=np.tile(np.eye(3), (3, 1, 1)),
+        robust=np.array([False, True, True]),
+        length_m=np.ones(3),
+        keyframes=(),
+        pieces=np.zeros(3, np.int32),
+    )
+    np.testing.assert_allclose(closure_offsets_m(saved), [0.5, 0.0], atol=1e-12)
+
+
 def test_all_figures_are_printed_as_json_and_the_trajectory_is_written(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -59,7 +74,7 @@ def test_all_figures_are_printed_as_json_and_the_trajectory_is_written(
         "seconds", "realtime_factor", "step_ms_p50", "step_ms_p99", "step_ms_p99_first_1000", "step_ms_p99_last_1000",
         "peak_rss_mb", "loop_closures", "unlocated", "cpu_seconds", "cpu_realtime_factor", "step_ms_max",
         "step_cpu_ms_p50", "step_cpu_ms_p99", "step_cpu_ms_p99_first_1000", "step_cpu_ms_p99_last_1000",
-        "step_cpu_ms_max", "resamplings", "effective_share",
+        "step_cpu_ms_max", "closure_offset_max_m", "resamplings", "effective_share",
     }  # fmt: skip
     assert 0 < figures["step_cpu_ms_p50"] <= figures["step_cpu_ms_p99"] <= figures["step_cpu_ms_max"]
     rows = np.loadtxt(trajectory)
