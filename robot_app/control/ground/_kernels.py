@@ -97,21 +97,25 @@ def _is_closed(evidence: Bytes, i: int, j: int) -> bool:
 @njit(nogil=True, cache=True)
 def _free_way_m(
     evidence: Bytes, low_m: float, cell_m: float, scanner: Floats, angle_rad: float, reach_m: float
-) -> float:
-    """How far a beam gets by what is known, `angle_rad` from the scanner's heading."""
+) -> tuple[float, float]:
+    """How far a beam gets by what is known, `angle_rad` from the scanner's heading, and where it first meets a cell
+    that was never seen."""
     size = len(evidence)
     ux = math.cos(scanner[2] + angle_rad)
     uy = math.sin(scanner[2] + angle_rad)
     walked = 0.0
+    unseen_m = reach_m
     while walked < reach_m:
         j = int((scanner[0] + walked * ux - low_m) / cell_m)
         i = int((scanner[1] + walked * uy - low_m) / cell_m)
         if i < 1 or j < 1 or i >= size - 1 or j >= size - 1 or evidence[i, j] > 0:
             break
-        if evidence[i, j] == 0 and _is_closed(evidence, i, j):
-            break
+        if evidence[i, j] == 0:
+            if _is_closed(evidence, i, j):
+                break
+            unseen_m = min(unseen_m, walked)
         walked += cell_m
-    return walked
+    return walked, unseen_m
 
 
 @njit(nogil=True, cache=True)
@@ -134,14 +138,16 @@ def unseen_in_sight(
     alone slips between the cells of a far wall, and all that lies behind it would count."""
     found = 0
     before_m = 0.0
-    here_m = _free_way_m(evidence, low_m, cell_m, scanner, first_rad, reach_m)
+    here_m, unseen_m = _free_way_m(evidence, low_m, cell_m, scanner, first_rad, reach_m)
     for b in range(beams):
         angle = first_rad + (b + 1) * step_rad
-        after_m = _free_way_m(evidence, low_m, cell_m, scanner, angle, reach_m) if b + 1 < beams else 0.0
+        after_m, unseen_after_m = 0.0, reach_m
+        if b + 1 < beams:
+            after_m, unseen_after_m = _free_way_m(evidence, low_m, cell_m, scanner, angle, reach_m)
         ux = math.cos(scanner[2] + first_rad + b * step_rad)
         uy = math.sin(scanner[2] + first_rad + b * step_rad)
         last_m = min(here_m, max(before_m, after_m))
-        walked = 0.0
+        walked = unseen_m
         while walked < last_m:
             j = int((scanner[0] + walked * ux - low_m) / cell_m)
             i = int((scanner[1] + walked * uy - low_m) / cell_m)
@@ -150,7 +156,7 @@ def unseen_in_sight(
                 if tries[i, j] < most_tries:
                     found += 1
             walked += cell_m
-        before_m, here_m = here_m, after_m
+        before_m, here_m, unseen_m = here_m, after_m, unseen_after_m
     return found
 
 
