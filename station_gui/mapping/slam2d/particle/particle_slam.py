@@ -71,7 +71,8 @@ class ParticleSlam:
         self._lost_scans = 0
         self._fit = 1.0
         self._surprise = 0.0
-        self._misfits: list[float] = []  # of the scans since the last step, shares of points that did not fit
+        self._misfit = 0.0  # of the scans since the last step, shares of points that did not fit
+        self._misfit_scans = 0
         self._admits: Admits = admit_all
         self._revision = 0
         self._in_map: list[bool] = []  # of each step, whether its scan is
@@ -231,7 +232,8 @@ class ParticleSlam:
         believed = self._correct(lines, predicted, motion)
         if len(lines.points_m) < self._config.proposal.min_points:
             return
-        self._misfits.append(1.0 - self._fit)
+        self._misfit += 1.0 - self._fit
+        self._misfit_scans += 1
         self._lost_scans = 0 if believed else self._lost_scans + 1
         patient = not believed and self._lost_scans <= self._config.update.patience_scans
         if self._gone_far() and not patient and self._admits(self._fit, self._surprise):
@@ -321,8 +323,8 @@ class ParticleSlam:
         if not patient:
             self._breaks[len(self._steps)] = "lost"
             self._pieces.begin()
-        self._closer.add_step(self._way(), information, sum(self._misfits) / max(len(self._misfits), 1))
-        self._misfits.clear()
+        self._closer.add_step(self._way(), information, self._misfit / max(self._misfit_scans, 1))
+        self._misfit, self._misfit_scans = 0.0, 0
         age = self._closer.course.nodes - 1
         for particle in np.flatnonzero(in_map).tolist():
             self._maps.insert(particle, lines, self._poses[particle], age)
