@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 from shared.command_line import EXIT_OK, Parser, Refused, existing_file, run
+from shared.link.pairing import read_pairing
 from tools.flash.fat import boot_partition
 from tools.flash.package import Package, build, first_start
 from tools.flash.settings import CardSettings
@@ -54,7 +55,7 @@ def _settings(args: argparse.Namespace) -> CardSettings:
     if args.wifi_password_file:
         password = args.wifi_password_file.read_text(encoding="utf-8").strip("\r\n")
     elif args.wifi:
-        password = getpass.getpass(f"password of {args.wifi} (empty for none): ")
+        password = _asked(f"password of {args.wifi} (empty for none): ")
     try:
         return CardSettings(
             hostname=args.hostname,
@@ -69,6 +70,13 @@ def _settings(args: argparse.Namespace) -> CardSettings:
         )
     except ValueError as error:
         raise Refused(str(error)) from error
+
+
+def _asked(question: str) -> str:
+    try:
+        return getpass.getpass(question)
+    except EOFError as error:
+        raise Refused("nobody can be asked for the Wi-Fi's password: name a file, --wifi-password-file FILE") from error
 
 
 def _onto_image(base: Path, out: Path, package: Package) -> None:
@@ -88,16 +96,23 @@ def _onto_image(base: Path, out: Path, package: Package) -> None:
     _say(f"{out} is ready: write it to a card, for example with Raspberry Pi Imager, without its own settings")
 
 
-def _onto_card(folder: Path, package: Package) -> None:
+def _onto_card(folder: Path, line: str, package: Package) -> None:
+    needed, free = sum(map(len, package.files().values())), shutil.disk_usage(folder).free
+    if needed > free + sum((folder / name).stat().st_size for name in package.files() if (folder / name).is_file()):
+        raise Refused(f"{folder}: {free / 1e6:.0f} MB are free, and the package has {needed / 1e6:.0f} MB; make room")
+    for name, data in package.files().items():
+        (folder / name).write_bytes(data)
+    (folder / "cmdline.txt").write_text(line, encoding="utf-8")
+    os.sync()
+    _say(f"{folder} is ready: eject the card and start the Pi from it")
+
+
+def _card_line(folder: Path) -> str:
+    """The card's command line for the first start, so that another folder is refused before anything is fetched."""
     cmdline = folder / "cmdline.txt"
     if not cmdline.is_file():
         raise Refused(f"{folder}: has no cmdline.txt; name the folder where the card's boot partition is mounted")
-    line = _first_start(cmdline.read_text(encoding="utf-8"), str(cmdline))
-    for name, data in package.files().items():
-        (folder / name).write_bytes(data)
-    cmdline.write_text(line, encoding="utf-8")
-    os.sync()
-    _say(f"{folder} is ready: eject the card and start the Pi from it")
+    return _first_start(cmdline.read_text(encoding="utf-8", errors="replace"), str(cmdline))
 
 
 def _first_start(cmdline: str, where: str) -> str:
@@ -113,15 +128,17 @@ def _say(text: str) -> None:
 
 def _work(args: argparse.Namespace) -> int:
     settings = _settings(args)
+    if settings.pairing is not None:
+        read_pairing(settings.pairing)  # with another file the robot would not start
     if not settings.ssh_key:
         _say("no --ssh-key: nobody can log in over the network")
     if settings.pairing is None:
         _say("no --pairing: anybody on the network can command this robot")
-    package = build(settings, args.wheels, _say)
     if args.where == "image":
-        _onto_image(args.base, args.out, package)
+        _onto_image(args.base, args.out, build(settings, args.wheels, _say))
     else:
-        _onto_card(args.folder, package)
+        line = _card_line(args.folder)
+        _onto_card(args.folder, line, build(settings, args.wheels, _say))
     return EXIT_OK
 
 

@@ -7,10 +7,12 @@ import io
 import re
 import tarfile
 import tempfile
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
-from robot_app.config import DEFAULT_PATH, load_config
+from robot_app.config import DEFAULT_PATH, load_any_config
+from shared.command_line import Refused
 from tools.flash.camera import INTERPRETER, fetch_camera
 from tools.flash.settings import CardSettings
 from tools.flash.wheels import Say, fetch
@@ -41,8 +43,9 @@ class Package:
 def build(settings: CardSettings, wheels: Path | None, say: Say) -> Package:
     """Everything that the Pi needs. `wheels`: a folder kept between calls; a temporary one without.
 
-    Raises `Refused` when a package cannot be fetched.
+    Raises `Refused` when a package cannot be fetched, and before that what `configuration` raises.
     """
+    robot_toml = configuration(settings).encode()
     with tempfile.TemporaryDirectory() as folder:
         into = wheels or Path(folder)
         pinned = fetch(PROJECT / "requirements" / "robot.lock", PROJECT, into, say)
@@ -52,7 +55,7 @@ def build(settings: CardSettings, wheels: Path | None, say: Say) -> Package:
         files |= {f"camera/{path.name}": path.read_bytes() for path in camera}
     files["requirements/robot.lock"] = ("\n".join(pinned) + "\n").encode()
     files["settings.sh"] = settings.as_shell().encode()
-    files["robot.toml"] = configuration(settings).encode()
+    files["robot.toml"] = robot_toml
     if settings.pairing is not None:
         files["pairing.pem"] = settings.pairing.read_bytes()
     return Package(archive_of(files), (PROJECT / "tools" / "flash" / SCRIPT).read_bytes())
@@ -61,12 +64,21 @@ def build(settings: CardSettings, wheels: Path | None, say: Say) -> Package:
 def configuration(settings: CardSettings) -> str:
     """The robot's configuration, which names the camera's interpreter, and the pairing file when there is one.
 
-    Raises `ConfigError`.
+    Raises `ConfigError`, and `Refused` for a file without the lines in which they are named.
     """
     path = settings.robot_toml or DEFAULT_PATH
-    load_config(path)  # what the robot would refuse is refused here
+    load_any_config(path)  # what the robot would refuse is refused here
     text = _NO_INTERPRETER.sub(f'interpreter = "{INTERPRETER}"', path.read_text(encoding="utf-8"))
-    return text if settings.pairing is None else _NO_PAIRING.sub(f'pairing = "{_PAIRING}"', text)
+    if settings.pairing is not None:
+        text = _NO_PAIRING.sub(f'pairing = "{_PAIRING}"', text)
+    written = tomllib.loads(text)
+    if not written.get("devices", {}).get("camera", {}).get("interpreter"):
+        raise Refused(
+            f'{path}: needs the line interpreter = "" under [devices.camera]: the card writes its Python there'
+        )
+    if settings.pairing is not None and written.get("link", {}).get("pairing") != _PAIRING:
+        raise Refused(f'{path}: needs the line pairing = "" under [link]: the card writes there where its file is')
+    return text
 
 
 def archive_of(files: dict[str, bytes]) -> bytes:

@@ -10,10 +10,11 @@ import struct
 import subprocess
 import tarfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from robot_app.config import DEFAULT_PATH, load_config
+from robot_app.config import DEFAULT_PATH, OMNI_PATH, load_any_config, load_config
 from shared.command_line import Refused
 from shared.config import ConfigError
 from tools.flash import __main__ as flash
@@ -89,6 +90,24 @@ def test_a_configuration_that_the_robot_would_refuse_is_refused(tmp_path: Path) 
     (tmp_path / "mine.toml").write_text("[car]\nwheels = 5\n", encoding="utf-8")
     with pytest.raises(ConfigError, match=r"mine\.toml"):
         configuration(CardSettings(robot_toml=tmp_path / "mine.toml"))
+
+
+def test_a_card_can_be_that_of_the_omnidirectional_robot(tmp_path: Path) -> None:
+    settings = CardSettings(robot_toml=OMNI_PATH, pairing=tmp_path / "key.pem")
+    (tmp_path / "omni.toml").write_text(configuration(settings), encoding="utf-8")
+    config = load_any_config(tmp_path / "omni.toml")
+    assert config.link.pairing == "/etc/robot-app/pairing.pem"
+    assert config.devices.camera.interpreter == "/opt/robot-app/camera/python"
+
+
+@pytest.mark.parametrize("line", ['pairing = ""', 'interpreter = ""'])
+def test_a_configuration_in_which_the_card_cannot_write_is_refused_rather_than_left_open(
+    line: str, tmp_path: Path
+) -> None:
+    mine = tmp_path / "mine.toml"
+    mine.write_text(DEFAULT_PATH.read_text(encoding="utf-8").replace(line, ""), encoding="utf-8")
+    with pytest.raises(Refused, match=rf"mine\.toml: needs the line {line}"):
+        configuration(CardSettings(robot_toml=mine, pairing=tmp_path / "key.pem"))
 
 
 def test_the_camera_has_a_python_of_its_own_on_the_card() -> None:
@@ -200,6 +219,38 @@ def test_a_folder_that_is_no_boot_partition_is_refused(
     assert flash.main() == 2
     assert str(tmp_path) in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("words", [["--pairing", "FILE"], ["--wifi", "lab", "--country", "JP"]])
+def test_what_cannot_be_used_is_refused_before_anything_is_fetched(
+    words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    def nobody_is_there(_: str) -> str:
+        raise EOFError
+
+    monkeypatch.setattr("getpass.getpass", nobody_is_there)
+    monkeypatch.setattr(flash, "build", lambda *_: pytest.fail("fetched"))
+    (tmp_path / "cmdline.txt").write_text(CMDLINE, encoding="utf-8")
+    no_key = tmp_path / "id.pub"
+    no_key.write_text("ssh-ed25519 AAAA", encoding="utf-8")
+    no_key.chmod(0o600)
+    given = [str(no_key) if word == "FILE" else word for word in words]
+    monkeypatch.setattr("sys.argv", ["flash", "card", str(tmp_path), *given])
+    assert flash.main() == 2
+    said = capsys.readouterr().err
+    assert "id.pub: is no pairing file" in said or "--wifi-password-file" in said
+
+
+@pytest.mark.usefixtures("without_fetching")
+def test_a_card_without_room_is_refused_before_it_is_written(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "cmdline.txt").write_text(CMDLINE, encoding="utf-8")
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=10))
+    monkeypatch.setattr("sys.argv", ["flash", "card", str(tmp_path)])
+    assert flash.main() == 2
+    assert f"{tmp_path}: 0 MB are free" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["cmdline.txt"]
 
 
 @pytest.mark.parametrize("data", [b"", b"\0" * 512, bytes(510) + b"\x55\xaa"])
