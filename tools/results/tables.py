@@ -51,7 +51,9 @@ _TARGETS_WORDS = (
     "What was asked for and what was reached, worst case where there are several. Everything is measured through the "
     "SLAM that the station ships (`build_slam`), with the configuration that it ships. Times are by the clock, on a "
     "machine that others loaded, and beside it by CPU time, which tells slow code from a loaded machine. No figure "
-    "was set for how straight a wall has to be: the 5 cm of a revisit stand for it."
+    "was set for how straight a wall has to be: the 5 cm of a revisit stand for it. A row is measured again by `python "
+    "-m tools.results --only NAME --methods METHOD`: intel, fr079, killian (which run `evaluate slam`), exp1, exp2, "
+    "test_lab2 (`evaluate urg`), lab, kidnap, repeat (twice), continued."
 )
 _ACCURACY_WORDS = "Mean absolute error ± standard deviation over the hand-made relations; particle filter with seed 0."
 _COST_WORDS = (

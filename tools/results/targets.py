@@ -139,7 +139,15 @@ def _lab() -> Iterator[Target]:
         yield Target(f"kidnapped, {title}: found", "kidnap", method, 95, " %", 0, found, at_most=False)
         yield Target(f"kidnapped, {title}: claimed wrongly", "kidnap", method, 0, "", 0, _claimed_wrongly(kind))
     for method in METHODS:
-        yield Target("FR079 again: other poses", "repeat", method, 0, " runs", 0, _of("different_runs"))
+        yield Target(
+            "FR079 played twice: runs whose poses differ in any bit",
+            "repeat",
+            method,
+            0,
+            " runs",
+            0,
+            _of("different_runs"),
+        )
 
 
 TARGETS = (*_accuracy(), *_speed(), *_walls(), *_lab())
