@@ -34,7 +34,7 @@ tqdm.monitor_interval = 0  # its thread would outlive the bar
 _MORE_IS_BETTER = frozenset({"map_completeness", "object_recall", "heights_known", "refresh_hz"})
 _SHOWN = (
     "map_rmse_m", "map_completeness", "object_rmse_m", "object_recall", "phantom_objects", "height_error_m",
-    "heights_known", "slam_ms_p50", "combine_ms_p50", "bytes_per_observation", "refresh_hz",
+    "known_height_error_m", "heights_known", "slam_ms_p50", "combine_ms_p50", "bytes_per_observation", "refresh_hz",
 )  # fmt: skip
 
 

@@ -4,13 +4,13 @@
 things that have a vertical edge in view for 10 cm or more from somewhere on the way; one is found when 70 % of these
 edges are, and an edge is when along half of what can be seen of it a nearly upright edge of the map is within 4 cm.
 `phantom_objects`: those that lie farther than 10 cm from every true surface over more than half of their length.
-Heights are those of the found things whose upper rim was in view: the highest point of the map that is nearer to this
-thing than to any other, against its true height. Where that point is the open end of an upright edge, the map says only
-that the thing is at least so high. `height_error_m`: RMS over the others, whose height the map claims to know;
-`heights_known`: their share; `drawn_height_error_m`: RMS over all, as they are drawn. `edge_rmse_m`: of every 2 cm of
-the nearly upright edges in the map that are within 10 cm of a corner of anything true, how far they are from it,
-across. `stray_edges`: the share of all that is drawn with no edge of anything true within 4 cm. `drawn_times`: by how
-many edges of the map the true ones are drawn, in the mean over every 2 cm of them by which something runs.
+`height_error_m`: RMS, over all found things whose upper rim was in view, of the highest point of the map that is nearer
+to this thing than to any other, against its true height. Where that point is the open end of an upright edge, the map
+says only that the thing is at least so high. `known_height_error_m`: RMS over the others, whose height the map claims
+to know; `heights_known`: their share. `edge_rmse_m`: of every 2 cm of the nearly upright edges in the map that are
+within 10 cm of a corner of anything true, how far they are from it, across. `stray_edges`: the share of all that is
+drawn with no edge of anything true within 4 cm. `drawn_times`: by how many edges of the map the true ones are drawn, in
+the mean over every 2 cm of them by which something runs.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ class ObjectError:
     object_recall: float
     phantom_objects: int
     height_error_m: float
+    known_height_error_m: float
     heights_known: float
-    drawn_height_error_m: float
     stray_edges: float
     drawn_times: float
     objects: int  # in the map
@@ -81,9 +81,9 @@ def object_error(objects: ObjectMap, world: TrueWorld, things: SeenThings) -> Ob
         edge_rmse_m=_rms(_across_m(upright_m, world.corner_lines_m())),
         object_recall=len(found) / len(things.items) if things.items else math.nan,
         phantom_objects=_phantoms(off_m, objects.cluster[segment]),
-        height_error_m=_rms(heights.off_m[heights.known]),
+        height_error_m=_rms(heights.off_m),
+        known_height_error_m=_rms(heights.off_m[heights.known]),
         heights_known=float(np.mean(heights.known)) if len(heights.known) else math.nan,
-        drawn_height_error_m=_rms(heights.off_m),
         stray_edges=stray,
         drawn_times=times,
         objects=len(np.unique(objects.cluster)),

@@ -138,14 +138,14 @@ def test_the_height_error_is_that_of_the_found_things(
     assert error.height_error_m == pytest.approx(abs(off_m) / math.sqrt(2), abs=0.01)
 
 
-def test_where_a_side_goes_on_over_the_highest_level_edge_the_height_is_not_known(
+def test_a_height_that_the_map_does_not_claim_to_know_counts_as_it_is_drawn(
     perfect: list[FloatArray], outline: Outline, map_of: MakeMap, world: TrueWorld, things: SeenThings
 ) -> None:
     sides = outline(BOX[0], (0.4, 0.6, 0.4))[:4]
     error = object_error(map_of(sides, perfect[1]), world, things)
     assert error.heights_known == 0.5
-    assert error.height_error_m == pytest.approx(0.0, abs=0.01)
-    assert error.drawn_height_error_m == pytest.approx(0.1 / math.sqrt(2), abs=0.01)
+    assert error.known_height_error_m == pytest.approx(0.0, abs=0.01)
+    assert error.height_error_m == pytest.approx(0.1 / math.sqrt(2), abs=0.01)
 
 
 def test_a_map_without_objects_misses_everything_and_has_no_error(
