@@ -74,7 +74,7 @@ def _clock(at: SystemPlaces) -> str:
 def _pairing(config: AnyRobotConfig) -> str:
     if not config.link.pairing:
         return "none: anybody on this network can command the robot; `radio-config key new FILE` makes one"
-    return f"{read_pairing(Path(config.link.pairing)).fingerprint}; the station's must be the same"
+    return f"{read_pairing(Path(config.link.pairing).expanduser()).fingerprint}; the station's must be the same"
 
 
 def _nearest(folder: Path) -> Path:

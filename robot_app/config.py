@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
+from typing import Any
 
 from robot_app.control.explorer import ExplorerConfig
 from robot_app.control.obstacle_avoidance import AvoidanceConfig
@@ -33,6 +35,25 @@ from shared.link.radio_config import LinkUse, RadioConfig, longest_word_s
 DEFAULT_PATH = Path(__file__).with_name("robot.toml")
 OMNI_PATH = Path(__file__).with_name("omni.toml")
 
+_FASTEST_MPS = 0.46  # the paper's robot; stopping distances and times were measured up to it
+_UNSIGNED = ("odometry", "mission", "safety", "control")  # tables of sizes, times and gains, where a minus is a slip
+_SIGNED = frozenset({"side"})  # -1 is the right one
+
+
+def _check_speed(max_speed_mps: float) -> None:
+    if not 0 < max_speed_mps <= _FASTEST_MPS:
+        raise ValueError(f"max_speed_mps must be above 0 and at most {_FASTEST_MPS}")
+
+
+def _below_zero(table: Any, name: str) -> Iterator[str]:
+    """The names of the numbers in a table, and in the tables in it, that are negative."""
+    for key in (entry.name for entry in fields(table)):
+        value = getattr(table, key)
+        if is_dataclass(value):
+            yield from _below_zero(value, f"{name}.{key}")
+        elif isinstance(value, int | float) and value < 0 and key not in _SIGNED:
+            yield f"{name}.{key}"
+
 
 @dataclass(frozen=True, slots=True)
 class LinkConfig:
@@ -58,6 +79,9 @@ class ControlConfig:
     avoidance: AvoidanceConfig = field(default_factory=AvoidanceConfig)
     speed: SpeedConfig = field(default_factory=SpeedConfig)
 
+    def __post_init__(self) -> None:
+        _check_speed(self.max_speed_mps)
+
 
 @dataclass(frozen=True, slots=True)
 class OmniControlConfig:
@@ -71,6 +95,9 @@ class OmniControlConfig:
     homing: HomingConfig = field(default_factory=HomingConfig)
     avoidance: OmniAvoidanceConfig = field(default_factory=OmniAvoidanceConfig)
     speed: OmniSpeedConfig = field(default_factory=OmniSpeedConfig)
+
+    def __post_init__(self) -> None:
+        _check_speed(self.max_speed_mps)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,6 +116,8 @@ class CommonConfig:
     devices: DeviceConfig = field(default_factory=DeviceConfig)
 
     def __post_init__(self) -> None:
+        for key in (key for name in _UNSIGNED for key in _below_zero(getattr(self, name), name)):
+            raise ValueError(f"{key} must not be negative")
         if self.link.use == "tcp":
             return
         needs = f"link.use is {self.link.use!r}:"

@@ -7,6 +7,7 @@ from typing import Literal
 
 FULL_SCALES_V = (6.144, 4.096, 2.048, 1.024, 0.512, 0.256)  # ADS1115, in the order of its codes
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
+_LAST_LINE = 27  # of the 40-pin header
 Symmetric = tuple[float, float, float, float, float, float]
 
 
@@ -227,6 +228,9 @@ class DeviceConfig:
         else:
             used = [(e.chip, line) for line in (e.left_a, e.left_b, e.right_a, e.right_b)]
             used += [(d.gpio_chip, line) for line in (d.forward_line, d.reverse_line)]
+        beyond = sorted({line for _, line in used if not 0 <= line <= _LAST_LINE})
+        if beyond:
+            raise ValueError(f"GPIO lines are from 0 to {_LAST_LINE} (BCM numbers), not {', '.join(map(str, beyond))}")
         twice = sorted({line for chip, line in used if used.count((chip, line)) > 1})
         if twice:
             raise ValueError(f"GPIO lines used twice: {', '.join(map(str, twice))}")

@@ -17,10 +17,11 @@ import pytest
 
 from robot_app import __main__ as command
 from robot_app.check import check_radios
-from robot_app.config import DEFAULT_PATH, OMNI_PATH, load_config
+from robot_app.config import DEFAULT_PATH, OMNI_PATH, load_any_config, load_config
 from robot_app.drivers.base import DeviceError
 from robot_app.drivers.config import DeviceConfig
 from robot_app.service import ServiceManager
+from shared.config import ConfigError
 from shared.link.es920lr.settings import RadioSettings
 from shared.link.pairing import read_pairing
 from shared.link.radio_config import RadioConfig
@@ -216,6 +217,30 @@ def test_a_misspelt_key_is_one_line_and_exit_code_2(
     assert call(monkeypatch, "--config", path) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "devices.drive.foward_line, did you mean devices.drive.forward_line?" in line
+
+
+@pytest.mark.parametrize("path", [DEFAULT_PATH, OMNI_PATH])
+@pytest.mark.parametrize(
+    ("table", "key", "words"),
+    [
+        ("control", "max_speed_mps = -0.3", "max_speed_mps must be above 0"),
+        ("control", "max_speed_mps = 0.5", "at most 0.46"),
+        ("control.speed", "acceleration_mps2 = -0.8", "control.speed.acceleration_mps2 must not be negative"),
+        ("odometry", "standing_s = -1.0", "odometry.standing_s must not be negative"),
+        ("mission", "max_path_m = -1.0", "mission.max_path_m must not be negative"),
+        ("safety.wheels", "pushing_duty = -0.1", "safety.wheels.pushing_duty must not be negative"),
+    ],
+)
+def test_a_number_that_could_only_do_harm_is_refused_by_its_key(
+    path: Path, table: str, key: str, words: str, tmp_path: Path
+) -> None:
+    name = key.partition(" = ")[0]
+    kept = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith(f"{name} =")]
+    here = kept.index(f"[{table}]") + 1 if f"[{table}]" in kept else None
+    lines = [*kept, f"[{table}]", key] if here is None else [*kept[:here], key, *kept[here:]]
+    (tmp_path / "robot.toml").write_text("\n".join(lines), encoding="utf-8")
+    with pytest.raises(ConfigError, match=words):
+        load_any_config(tmp_path / "robot.toml")
 
 
 def test_a_new_pairing_file_can_be_read_and_is_not_written_over(

@@ -118,6 +118,7 @@ def test_an_imu_that_lies_on_its_side_is_told(robot: EmulatedRobot, car: CarGeom
     ("table", "words"),
     [
         ({"drive": {"forward_line": 5}}, "GPIO lines used twice: 5"),
+        ({"drive": {"forward_line": 28}, "encoders": {"left_a": -1}}, r"from 0 to 27 \(BCM numbers\), not -1, 28"),
         ({"imu": {"address": 0x99}}, "0x99"),
         ({"imu": {"gyro_axes": ["x", "x", "z"]}}, "once each"),
         ({"imu": {"rate_hz": 100}}, "devices.imu.rate_hz must be one of 119, 238"),
