@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import logging
 import select
 import socket
@@ -249,7 +250,7 @@ class TcpServerLink(_TcpEnd):
         try:
             self._listener: socket.socket | None = socket.create_server((host, port), backlog=2)
         except (OSError, OverflowError) as error:
-            raise LinkError(f"cannot listen on {host}:{port}: {_reason(error)}") from error
+            raise LinkError(f"cannot listen on {host}:{port}: {_listening_reason(error)}") from error
         self._listener.setblocking(False)
 
     @property
@@ -394,3 +395,14 @@ def _reason(error: Exception) -> str:
     if isinstance(error, OverflowError):
         return "a port is a number from 0 to 65535"
     return str(getattr(error, "strerror", None) or error)
+
+
+def _listening_reason(error: Exception) -> str:
+    number = error.errno if isinstance(error, OSError) else None
+    if number == errno.EADDRINUSE:
+        return "another program listens there. Is it the robot's service, or a simulator? End it, or take another port"
+    if number == errno.EADDRNOTAVAIL:
+        return "that is no address of this computer; 0.0.0.0 stands for all that it has"
+    if number == errno.EACCES:
+        return "a port below 1024 is root's; take another one"
+    return _reason(error)

@@ -218,7 +218,7 @@ def test_a_port_that_is_no_port_is_named() -> None:
 
 
 def test_a_port_in_use_is_named(server: TcpServerLink) -> None:
-    with pytest.raises(LinkError, match=f"cannot listen on 127.0.0.1:{server.port}"):
+    with pytest.raises(LinkError, match=f"cannot listen on 127.0.0.1:{server.port}: another program"):
         TcpServerLink("127.0.0.1", server.port, ManualClock())
 
 
