@@ -59,6 +59,8 @@ QLabel[role="step"] { color: $DISABLED; background: $BACKGROUND; border: 1px sol
 QLabel[role="step"][active="idle"] { color: $TEXT; background: $RAISED; border-color: $MUTED; }
 QLabel[role="step"][active="observe"] { color: #06131f; background: $ACCENT; border-color: $ACCENT; }
 QLabel[role="step"][active="command"] { color: #06170d; background: $GOOD; border-color: $GOOD; }
+QLabel[role="step"][active="return"] { color: #06131f; background: $ACCENT; border-color: $ACCENT; }
+QLabel[role="step"][active="paused"] { color: #1c1303; background: $WARNING; border-color: $WARNING; }
 QLabel[role="step"][active="halted"] { color: #ffffff; background: $EMERGENCY; border-color: $EMERGENCY; }
 
 QPushButton, QToolButton { color: $TEXT; background: $RAISED; border: 1px solid $BORDER; border-radius: 4px;

@@ -15,7 +15,7 @@ from station_gui.views.commands import allowed
 
 
 class MissionBar(QFrame):
-    """Idle, observe, command, halted: the state that holds is lit."""
+    """The state of the mission that holds is lit."""
 
     emergency_asked = Signal()
 

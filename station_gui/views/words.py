@@ -18,9 +18,9 @@ STATE_NAMES = {
     MissionState.IDLE: "Idle",
     MissionState.OBSERVE: "Observe",
     MissionState.COMMAND: "Command",
-    MissionState.HALTED: "Halted",
     MissionState.RETURN: "Return",
     MissionState.PAUSED: "Paused",
+    MissionState.HALTED: "Halted",
 }
 
 _STATE_SENTENCES = {
@@ -48,7 +48,7 @@ _STOP_SENTENCES = {
     StopReason.TILTED: "Stopped: the robot is tilted.",
     StopReason.ENCODER_FAULT: "Stopped: an encoder of a wheel failed.",
     StopReason.SENSORS_DISAGREE: "Stopped: gyro and encoders do not agree; it stands to learn the gyro anew.",
-    StopReason.RESTARTED: "Paused: its program was started again in the middle of a mission.",
+    StopReason.RESTARTED: "Paused: its program was started again.",
 }
 
 _WAITING_SENTENCES = {

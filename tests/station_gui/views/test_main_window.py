@@ -12,6 +12,7 @@ from PySide6.QtGui import QImage
 from shared.link.base import LinkHealth, LinkPath, RadioHealth
 from shared.messages import MissionState, StopReason
 from station_gui.model.view import LinkFigures, LinkState, Severity, Target
+from station_gui.qt.theme import style_sheet
 from station_gui.views.main_window import status_text
 
 
@@ -162,6 +163,11 @@ def test_the_state_that_holds_is_lit(open_window, operator, scenes):
     lit = [state for state, chip in window.mission.steps.items() if chip.property("active")]
     assert lit == [MissionState.HALTED]
     assert "heard nothing from the station" in window.mission.sentence.text()
+
+
+def test_each_state_has_a_light_of_its_own(open_window):
+    for state in open_window().mission.steps:
+        assert f'[role="step"][active="{state.name.lower()}"]' in style_sheet()
 
 
 def test_link_figures_have_units(open_window, operator, scenes):
