@@ -14,6 +14,7 @@ from robot_app.app import RobotApp
 from robot_app.config import AnyRobotConfig
 from robot_app.drivers.base import DeviceError
 from robot_app.link import OpenLink, open_link
+from robot_app.mission_store import open_store
 from robot_app.run import run_robot, stop_on_signals
 from robot_app.service import ServiceManager
 from shared.command_line import Parser, Refused, port_number, run, seed, set_up_logging
@@ -62,7 +63,8 @@ def simulate(scenario: Scenario, config: AnyRobotConfig, args: argparse.Namespac
     try:
         world = World(scenario, args.seed, start_s=clock.now_s())
         hardware = SimulatedHardware(world, waits=True).hardware
-        app = RobotApp(hardware, link, clock, config, secrets.randbits(32))
+        store = open_store(config.mission.state_folder, None)
+        app = RobotApp(hardware, link, clock, config, secrets.randbits(32), store)
         _log.info("compiling; this takes a while the first time")
         app.warm_up()
         pump = RealTimePump(world, clock)
