@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -16,6 +17,7 @@ from shared.command_line import Refused
 PYTHONS = ("3.11", "3.13")  # of Raspberry Pi OS and Debian 12 and 13
 _PLATFORMS = ("manylinux_2_28_aarch64", "manylinux_2_27_aarch64", "manylinux_2_17_aarch64", "manylinux2014_aarch64")
 _TIMEOUT_S = 1800.0
+_APP = "low_bandwidth_mapper"
 
 Say = Callable[[str], None]
 
@@ -71,8 +73,16 @@ def fetch(lock: Path, project: Path, into: Path, say: Say) -> list[str]:
     say("pip, hokuyolx and the app itself")
     _pip("download", "--no-deps", "--dest", str(into), "pip")
     _pip_pinned(sources, into, "wheel", "--wheel-dir", str(into))
+    _forget_builds(project, into)
     _pip("wheel", "--no-deps", "--wheel-dir", str(into), str(project))
     return [f"{pin.requirement} ; {pin.marker}" if pin.marker else pin.requirement for pin in pins]
+
+
+def _forget_builds(project: Path, into: Path) -> None:
+    """Setuptools puts all that lies in build/lib into a wheel, modules too that are gone; two wheels pip refuses."""
+    shutil.rmtree(project / "build" / "lib", ignore_errors=True)
+    for wheel in into.glob(f"{_APP}-*.whl"):
+        wheel.unlink()
 
 
 def download_wheel(requirement: str, sha256: str, python: str, into: Path) -> None:

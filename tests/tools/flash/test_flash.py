@@ -22,7 +22,7 @@ from tools.flash.camera import fetch_camera, read_list
 from tools.flash.fat import boot_partition
 from tools.flash.package import PROJECT, Package, archive_of, configuration, first_start
 from tools.flash.settings import CardSettings
-from tools.flash.wheels import read_lock
+from tools.flash.wheels import fetch, read_lock
 
 CMDLINE = "console=tty1 root=PARTUUID=12-02 rootwait"
 FAT_AT = 2048
@@ -108,6 +108,22 @@ def test_a_configuration_in_which_the_card_cannot_write_is_refused_rather_than_l
     mine.write_text(DEFAULT_PATH.read_text(encoding="utf-8").replace(line, ""), encoding="utf-8")
     with pytest.raises(Refused, match=rf"mine\.toml: needs the line {line}"):
         configuration(CardSettings(robot_toml=mine, pairing=tmp_path / "key.pem"))
+
+
+def test_neither_modules_that_are_gone_nor_an_older_app_get_onto_the_card(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project, into = tmp_path / "project", tmp_path / "wheels"
+    (project / "build" / "lib" / "robot_app").mkdir(parents=True)
+    (project / "build" / "lib" / "robot_app" / "gone.py").touch()
+    (project / "robot.lock").write_text("", encoding="utf-8")
+    into.mkdir()
+    (into / "low_bandwidth_mapper-0.0.9-py3-none-any.whl").touch()
+    (into / "numpy-1-any.whl").touch()
+    monkeypatch.setattr("tools.flash.wheels._pip", lambda *_: None)
+    fetch(project / "robot.lock", project, into, lambda _: None)
+    assert not (project / "build" / "lib").exists()
+    assert [path.name for path in into.iterdir()] == ["numpy-1-any.whl"]
 
 
 def test_the_camera_has_a_python_of_its_own_on_the_card() -> None:
