@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from robot_app.config import ControlConfig, load_config
+from robot_app.config import ControlConfig, OmniRobotConfig, load_any_config
 from robot_app.control.fuzzy import RuleTable, Variable
-from shared.command_line import EXIT_OK
+from shared.command_line import EXIT_OK, Refused
 
 _CELLS = 81
 _PANEL, _PLOT, _LEFT, _TOP, _COLUMNS = (430, 400), 243, 120, 46, 3
@@ -52,7 +52,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    surfaces = surfaces_of(load_config(args.robot).control)
+    config = load_any_config(args.robot)
+    if isinstance(config, OmniRobotConfig):
+        raise Refused(f"{args.robot}: is that of an omnidirectional robot; what is drawn are a car's rules")
+    surfaces = surfaces_of(config.control)
     if args.picture is not None:
         draw(surfaces).save(args.picture)
     spans = {s.title: [round(float(s.values().min()), 4), round(float(s.values().max()), 4)] for s in surfaces}
