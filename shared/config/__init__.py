@@ -60,7 +60,8 @@ def parse(table: dict[str, Any], kind: type[T], prefix: str = "") -> T:
     try:
         return kind(**values)
     except ValueError as error:
-        raise ConfigError(f"{prefix.rstrip('.') or 'file'}: {error}") from error
+        where = f"{prefix.rstrip('.')}: " if prefix else ""
+        raise ConfigError(f"{where}{error}") from error
 
 
 def _convert(value: Any, hint: Any, name: str) -> Any:

@@ -70,3 +70,8 @@ def test_a_wrong_file_is_refused_by_name_in_one_line(tmp_path: Path, text: str, 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"absent\.toml: cannot be read: No such file"):
         load(tmp_path / "absent.toml", Settings)
+
+
+def test_what_is_wrong_with_the_file_as_a_whole_follows_its_name(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"robot\.toml: rate_hz must be positive$"):
+        settings(tmp_path, GOOD.replace("rate_hz = 5", "rate_hz = 0"))
