@@ -62,6 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    find_scenario(args.scenario)  # refused here rather than in the robot's process
     logging.getLogger("station").setLevel(logging.WARNING)
     os.nice(_NICE)
     with tempfile.TemporaryDirectory() as folder:
@@ -156,10 +157,20 @@ def _result(measured: dict[str, dict[str, dict[str, float]]], samples: list[Samp
     rate = min(r.rate_share for r in rows)
     cores = (samples[-1].processor_s - samples[0].processor_s) / (samples[-1].time_s - samples[0].time_s)
     growth = growth_mb(samples)
-    kept = rate >= _LEAST_RATE and late < _MOST_LATE and cores < _MOST_CORES
+    missed = [
+        words
+        for words, is_missed in (
+            (f"a row kept {rate:.4f} of its rate: {_LEAST_RATE} is wanted", rate < _LEAST_RATE),
+            (f"{late:.4f} of the 100 Hz ticks were late: under {_MOST_LATE} is wanted", late >= _MOST_LATE),
+            (f"{cores:.2f} cores: under {_MOST_CORES:g} is wanted", cores >= _MOST_CORES),
+            (f"memory grew: under {_MOST_GROWTH_MB:g} MB is wanted", growth is not None and growth >= _MOST_GROWTH_MB),
+        )
+        if is_missed
+    ]
     return {
         "ran_s": round(ran_s, 1),
-        "kept": kept and (growth is None or growth < _MOST_GROWTH_MB),
+        "kept": not missed,
+        "missed": missed,
         "least_rate_share": rate,
         "late_share_100hz": late,
         "memory_growth_mb": None if growth is None else round(growth, 2),

@@ -1,10 +1,12 @@
 from __future__ import annotations
 
 import os
+from argparse import Namespace
 
 import pytest
 
-from tools.evaluate.endurance.command import Sample, growth_mb, row_figures, sample_of
+from shared.config import ConfigError
+from tools.evaluate.endurance.command import Sample, _result, growth_mb, row_figures, run, sample_of
 
 
 def test_memory_counts_after_the_first_minute() -> None:
@@ -26,6 +28,19 @@ def test_a_row_is_told_in_shares_and_milliseconds() -> None:
     figures = row_figures("odometry", row, 10.0)
     assert (figures.rate_share, figures.late_share, figures.latest_ms) == (0.99, 0.00202, 12.3)
     assert (figures.longest_ms, figures.cores) == (3.0, 0.05)
+
+
+def test_it_says_which_limit_was_missed() -> None:
+    row = {"rate_hz": 100.0, "ticks": 990.0, "late": 100, "latest_s": 0.01, "over_budget": 0, "longest_s": 0.003}
+    measured = {"ran_s": 10.0, "rows": {"odometry": {**row, "busy_s": 0.5}}, "nice": 0, "simulator": {}}
+    result = _result(measured, [Sample(0.0, 100.0, 0.0), Sample(10.0, 100.0, 2.0)])  # type: ignore[arg-type]
+    assert not result["kept"]
+    assert result["missed"] == ["0.1010 of the 100 Hz ticks were late: under 0.005 is wanted"]
+
+
+def test_a_scenario_that_there_is_not_is_refused_before_anything_starts() -> None:
+    with pytest.raises(ConfigError, match="no scenario 'foo'"):
+        run(Namespace(scenario="foo"))
 
 
 def test_a_process_is_sampled() -> None:
