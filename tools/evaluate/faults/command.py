@@ -36,9 +36,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     known = cases(np.random.default_rng(args.seed))
-    names = [case.name for case in known] + list(LIVE_CASES)
+    texts = {case.name: case.text for case in known} | {name: case.text for name, case in LIVE_CASES.items()}
+    names = list(texts)
     if args.list:
-        print("\n".join(names))
+        print("\n".join(f"{name:24} {text}" for name, text in texts.items()))
         return EXIT_OK
     wanted = set(args.only or names)
     if wanted - set(names):

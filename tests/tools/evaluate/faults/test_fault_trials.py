@@ -1,11 +1,13 @@
 from __future__ import annotations
 
 import math
+from argparse import Namespace
 
 import numpy as np
 import pytest
 
 from tools.evaluate.faults.cases import cases
+from tools.evaluate.faults.command import run
 from tools.evaluate.faults.trial import try_case
 
 
@@ -16,6 +18,13 @@ def test_each_fault_has_a_name_of_its_own_and_every_device_is_taken_away_for_a_w
     assert len(set(names)) == len(names)
     for device in ("scanner", "camera", "imu", "power", "encoders", "drive", "thermometer"):
         assert {f"{device}-unplugged", f"{device}-unplugged-3s"} <= set(names)
+
+
+def test_the_list_has_the_words_of_the_table_beside_each_name(capsys: pytest.CaptureFixture[str]) -> None:
+    run(Namespace(list=True, seed=1))
+    listed = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
+    assert listed["encoder-stuck"] == "one encoder stuck"
+    assert listed["killed"] == "app killed with SIGKILL"
 
 
 @pytest.mark.parametrize("name", ["scanner-unplugged", "encoders-stuck"])
