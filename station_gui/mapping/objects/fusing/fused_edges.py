@@ -88,7 +88,7 @@ class FusedEdges:
         hit: dict[int, float] = {}
         for k, evidence in enumerate(pieces.evidence.tolist()):
             index = self._match(placed_m[k], int(pieces.upright[k]), but=-1)
-            if index < 0 and keep and evidence > 0:
+            if index < 0 and keep:
                 index = self._begin(int(pieces.upright[k]))
             if index >= 0:
                 hit[index] = max(hit.get(index, 0.0), evidence)

@@ -107,6 +107,20 @@ def test_the_same_object_seen_from_many_places_is_one() -> None:
     assert set(placed.kind.tolist()) == {ObjectKind.SMALL}
 
 
+def test_how_high_a_thing_reaches_is_known_from_afar_when_it_is_found_from_near() -> None:
+    def sides(height_m: float) -> ObjectNetwork:
+        high = front(3.2, -0.2, 0.2, height_m)
+        return ObjectNetwork(high.nodes_m, high.edges[[0, 2]])
+
+    rig = Rig(FUSED)
+    for k in range(4):
+        rig.see(Pose2(0.06 * k, 0.0, 0.0), seen_from(Pose2(0.06 * k, 0.0, 0.0), sides(1.3)))
+    assert len(rig.map().segments_m) == 0
+    for k in range(4):
+        rig.see(Pose2(1.2 + 0.06 * k, 0.0, 0.0), seen_from(Pose2(1.2 + 0.06 * k, 0.0, 0.0), sides(0.9)))
+    assert rig.map().segments_m[:, 1, 2] == pytest.approx([1.3, 1.3], abs=0.01)
+
+
 def test_what_was_seen_once_is_noise() -> None:
     rig = Rig(FUSED)
     rig.see(Pose2(), front(2.0, -0.2, 0.2, 0.3))
