@@ -90,9 +90,7 @@ def test_what_is_waited_for_is_no_end_of_the_mission(scenes):
 
 def test_a_mission_cut_off_by_a_start_of_the_app_says_how_to_go_on(scenes):
     telemetry = scenes.telemetry(MissionState.PAUSED, stop_reason=StopReason.RESTARTED, faults=())
-    assert words.telemetry_sentence(telemetry) == (
-        "Paused: its program was started again. Press Continue to go on."
-    )
+    assert words.telemetry_sentence(telemetry) == ("Paused: its program was started again. Press Continue to go on.")
 
 
 def test_without_connection_the_sentence_says_what_to_do(scenes):
