@@ -14,6 +14,8 @@ from robot_app.safety.wheels import WheelWatchConfig
 
 _LONGEST_SILENCE_S = 5.0
 _LONGEST_ABSENCE_S = 120.0
+_HOTTEST_C = 90.0  # the Pi's processor is made for 85 and slows itself down there
+_LOWEST_V = 3.3  # below it no converter feeds a Pi
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,13 +70,7 @@ class SafetyConfig:
     resume_within_s: float = 15.0  # a longer silence ends the mission
 
     def __post_init__(self) -> None:
-        for name, band in (("warm_c", self.warm_c), ("over_temperature_c", self.over_temperature_c)):
-            if band.enter < band.leave:
-                raise ValueError(f"{name}.enter must be above leave")
-        batteries = ("weak_battery_v", self.weak_battery_v), ("home_battery_v", self.home_battery_v)
-        for name, band in (*batteries, ("low_battery_v", self.low_battery_v)):
-            if band.enter > band.leave:
-                raise ValueError(f"{name}.enter must be below leave")
+        self._check_bands()
         if self.min_beams < 1:
             raise ValueError("min_beams must be at least 1")
         if not 0 < self.command_silence_s <= _LONGEST_SILENCE_S:
@@ -86,3 +82,22 @@ class SafetyConfig:
             )
         if not 0 < self.resume_within_s <= _LONGEST_ABSENCE_S:
             raise ValueError(f"resume_within_s must be above 0 and at most {_LONGEST_ABSENCE_S}")
+
+    def _check_bands(self) -> None:
+        for name, band in (("warm_c", self.warm_c), ("over_temperature_c", self.over_temperature_c)):
+            if band.enter < band.leave:
+                raise ValueError(f"{name}.enter must be above leave")
+        batteries = ("weak_battery_v", self.weak_battery_v), ("home_battery_v", self.home_battery_v)
+        for name, band in (*batteries, ("low_battery_v", self.low_battery_v)):
+            if band.enter > band.leave:
+                raise ValueError(f"{name}.enter must be below leave")
+        if not self.warm_c.enter <= self.over_temperature_c.enter <= _HOTTEST_C:
+            raise ValueError(
+                f"over_temperature_c.enter must be from warm_c.enter, {self.warm_c.enter}, to {_HOTTEST_C}: "
+                "the robot would never stop by itself"
+            )
+        if not _LOWEST_V <= self.low_battery_v.enter <= self.home_battery_v.enter <= self.weak_battery_v.enter:
+            raise ValueError(
+                f"low_battery_v.enter must be at least {_LOWEST_V}, and weak_battery_v, home_battery_v and "
+                "low_battery_v must be entered in this order while the battery falls"
+            )

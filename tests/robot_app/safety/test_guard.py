@@ -145,6 +145,10 @@ def test_a_band_without_hysteresis_is_refused() -> None:
     [
         ({"over_temperature_c": Band(75.0, 85.0)}, "above"),
         ({"low_battery_v": Band(6.2, 5.6)}, "below"),
+        ({"over_temperature_c": Band(1e9, 75.0)}, "never stop"),
+        ({"over_temperature_c": Band(76.0, 70.0)}, "warm_c.enter, 78.0"),
+        ({"low_battery_v": Band(0.0, 6.2)}, "at least 3.3"),
+        ({"low_battery_v": Band(6.1, 6.2)}, "in this order"),
         ({"command_silence_s": 60.0}, "at most"),
         ({"resume_within_s": 0.0}, "above 0"),
         ({"min_beams": 0}, "at least"),
