@@ -52,26 +52,26 @@ def _lower_envelope(row: Floats, result: Floats, hull: Ints, border: Floats) -> 
 
 
 @njit(nogil=True, cache=True)
+def _transform_rows(field: Floats) -> None:
+    rows, columns = field.shape
+    hull = np.empty(columns, np.int64)
+    border = np.empty(columns + 1)
+    line = np.empty(columns)
+    result = np.empty(columns)
+    for i in range(rows):
+        for j in range(columns):
+            line[j] = field[i, j]
+        _lower_envelope(line, result, hull, border)
+        for j in range(columns):
+            field[i, j] = result[j]
+
+
+@njit(nogil=True, cache=True)
 def to_distances(field: Floats, cell_m: float) -> None:
     """The distance transform of `field` (rows, columns), in place: in cells squared, 0 where something is and a bound
     elsewhere; then in metres, `cell_m` a cell, from each cell's centre to the nearest where something is."""
-    rows, columns = field.shape
-    most = max(rows, columns)
-    hull = np.empty(most, np.int64)
-    border = np.empty(most + 1)
-    line = np.empty(rows)
-    result = np.empty(rows)
-    for j in range(columns):
-        for i in range(rows):
-            line[i] = field[i, j]
-        _lower_envelope(line, result, hull, border)
-        for i in range(rows):
-            field[i, j] = result[i]
-    wide = np.empty(columns)
-    wide_result = np.empty(columns)
-    for i in range(rows):
-        for j in range(columns):
-            wide[j] = field[i, j]
-        _lower_envelope(wide, wide_result, hull, border)
-        for j in range(columns):
-            field[i, j] = cell_m * math.sqrt(wide_result[j])
+    _transform_rows(field.T)
+    _transform_rows(field)
+    for i in range(field.shape[0]):
+        for j in range(field.shape[1]):
+            field[i, j] = cell_m * math.sqrt(field[i, j])
