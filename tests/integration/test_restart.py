@@ -43,11 +43,16 @@ class Rig:
                 pass
 
 
+def _ready(world: World, clock: ManualClock, folder: Path) -> Rig:
+    rig = Rig(world, clock, folder)
+    rig.app.warm_up()
+    rig.run(3.0)
+    return rig
+
+
 def test_a_mission_is_paused_by_a_start_of_the_app_and_goes_on_when_told(tmp_path: Path) -> None:
     clock, world = ManualClock(), World(find_scenario("lab"), 1)
-    first = Rig(world, clock, tmp_path)
-    first.app.warm_up()
-    first.run(3.0)
+    first = _ready(world, clock, tmp_path)
     first.run(4.0, Start())
     assert world.truth.distance_m > 0.3
     del first  # killed: nothing is said or written any more
@@ -67,9 +72,7 @@ def test_a_mission_is_paused_by_a_start_of_the_app_and_goes_on_when_told(tmp_pat
 
 def test_a_car_whose_battery_gets_low_while_it_is_paused_drives_home_once_it_goes_on(tmp_path: Path) -> None:
     clock, world = ManualClock(), World(find_scenario("lab"), 1)
-    rig = Rig(world, clock, tmp_path)
-    rig.app.warm_up()
-    rig.run(3.0)
+    rig = _ready(world, clock, tmp_path)
     rig.run(3.0, Start())
     rig.run(1.0, Pause())
     world.battery._charge = 0.05
